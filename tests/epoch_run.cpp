@@ -35,7 +35,7 @@ bool per_epoch(const film::AccumulatorSpec& spec) {
 }  // namespace
 
 EpochRun::EpochRun(const render::Renderer& renderer, const PilotResult& pilot)
-    : renderer_(renderer), plan_(pilot.work.epochs) {
+    : renderer_(renderer), state_(pilot.state), plan_(pilot.work.epochs) {
   if (pilot.work.chains) return;
   const render::UnitOutput output = renderer.make_output(pilot.state);
   layout_ = output.film->layout();
@@ -107,7 +107,7 @@ Result<void> EpochRun::decide_next() {
 }
 
 Result<render::UnitInput> EpochRun::input(const Unit& unit) {
-  render::UnitInput input;
+  render::UnitInput input{state_, {}, {}};
   if (!epochs_) return input;
   const std::uint64_t epoch = epochs_->of_index(unit.begin);
   while (states_.size() <= epoch) CANDELA_TRY(decide_next());

@@ -34,8 +34,8 @@ class EpochRun {
   // The job's iterations [from, to) of both halves; iteration i is index i / 2 of half i % 2.
   std::vector<Unit> units(std::uint64_t from, std::uint64_t to) const;
 
-  // The input of a unit: the state of its epoch, which is decided now if it has not been. Fails (internal)
-  // if units of the epochs that it depends on are missing. Valid as long as this object.
+  // The input of a unit: the pilot's state, and that of its epoch, which is decided now if it has not been.
+  // Fails (internal) if units of the epochs that it depends on are missing. Valid as long as this object.
   Result<render::UnitInput> input(const Unit& unit);
   // Adds the statistics of a rendered unit to those of its epoch. Fails (internal) if one of its indices has
   // been added.
@@ -68,6 +68,7 @@ class EpochRun {
   Result<void> decide_next();
 
   const render::Renderer& renderer_;
+  NamedState state_;  // the pilot's
   std::optional<EpochPlan> plan_;
   std::optional<Epochs> epochs_;
   film::Layout layout_;

@@ -27,7 +27,7 @@ Result<int> run_plan(Context& context, const PlanOptions& options) {
       render::Renderer::create(files, scene.gathered.bundle.main_path, scene.gathered.bundle.parameters,
                                scene.job.settings, std::max(1U, std::thread::hardware_concurrency()), {},
                                scene.memory_bytes));
-  const std::string text = renderer->plan_text();
+  CANDELA_ASSIGN(const std::string text, renderer->plan_text());
   if (options.json) {
     context.out << plan_json(scene.job.settings.integrator, scene.job.settings.integrator_settings, text)
                 << '\n';

@@ -58,10 +58,12 @@ constexpr std::uint64_t global_iteration(std::uint32_t half, std::uint64_t index
 }
 
 // State a unit starts from, decided by the pilot unit, the same for the whole job; for a job of Markov chains
-// decided by the bootstrap.
+// the bootstrap decides the numbers.
 struct NamedState {
   int film_scale_log2 = 0;
-  double bootstrap_b = 0;  // b0 of a job of chains; 0 for others
+  double bootstrap_b = 0;    // b0 of a job of chains; 0 for others
+  std::string decided = {};  // what the integrator decided in the pilot: its own bytes, for most none
+  bool operator==(const NamedState&) const = default;
 };
 
 // What a job of Markov chains asks of the farm beside iterations. Decided by its settings alone.
@@ -84,6 +86,7 @@ struct Limits {
   static constexpr std::uint32_t max_settings = 256;
   static constexpr std::uint32_t max_setting_bytes = 4096;
   static constexpr std::uint32_t max_path_bytes = 4096;
+  static constexpr std::uint32_t max_decided_bytes = 4096;  // NamedState::decided
 };
 
 }  // namespace candela

@@ -130,6 +130,7 @@ void to_proto(const NamedState& state, v1::NamedState& out) {
   out.Clear();
   out.set_film_scale_log2(state.film_scale_log2);
   out.set_bootstrap_b(state.bootstrap_b);
+  out.set_decided(state.decided);
 }
 
 void to_proto(const bundle::Bundle& bundle, v1::Bundle& out) {
@@ -259,7 +260,11 @@ Result<NamedState> from_proto(const v1::NamedState& message) {
   if (!std::isfinite(message.bootstrap_b()) || message.bootstrap_b() < 0)
     return field_error("named_state.bootstrap_b",
                        fmt::format("{} is not a finite number of at least 0", message.bootstrap_b()));
-  return NamedState{message.film_scale_log2(), message.bootstrap_b()};
+  if (message.decided().size() > Limits::max_decided_bytes)
+    return field_error(
+        "named_state.decided",
+        fmt::format("{} bytes are more than {}", message.decided().size(), Limits::max_decided_bytes));
+  return NamedState{message.film_scale_log2(), message.bootstrap_b(), message.decided()};
 }
 
 Result<bundle::Bundle> from_proto(const v1::Bundle& message) {

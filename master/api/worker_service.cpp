@@ -141,8 +141,8 @@ grpc::Status WorkerServiceImpl::AcquireLease(grpc::ServerContext*, const v1::Acq
                                   wire::to_proto(job.row.settings, *lease.mutable_settings());
                                   const Unit& unit = job.units.at(row.unit_id).row.unit;
                                   // Of an audit, the pilot's lease is what it was before the pilot.
-                                  if (job.row.named_state && unit.kind != Unit::Kind::pilot)
-                                    wire::to_proto(*job.row.named_state, *lease.mutable_named_state());
+                                  if (job.planned() && unit.kind != Unit::Kind::pilot)
+                                    wire::to_proto(state_of_units(job.row), *lease.mutable_named_state());
                                   wire::to_proto(unit, *lease.mutable_unit());
                                   lease.set_expected_seconds(row.expected_seconds);
                                 });

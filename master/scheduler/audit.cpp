@@ -33,6 +33,7 @@ bool is_audited(std::uint64_t secret, const std::string& job_id, const Unit& uni
 std::string pilot_sha256(const PilotResult& result) {
   const WorkPlan& work = result.work;
   std::string text = fmt::format("scale {} b {}\n", result.state.film_scale_log2, result.state.bootstrap_b);
+  if (!result.state.decided.empty()) text += fmt::format("decided {}\n", sha256_hex(result.state.decided));
   const auto add_map = [&](const SettingsMap& map) {
     for (const auto& [name, value] : map)
       text += fmt::format("{}:{} {}:{}\n", name.size(), name, value.size(), value);

@@ -331,6 +331,16 @@ const Job* Scheduler::job_of_lease(const std::string& worker_id, std::uint64_t t
   return it == leases_.end() || it->second.row.worker_id != worker_id ? nullptr : job(it->second.row.job_id);
 }
 
+namespace {
+
+// Whether the sums that the job has fit to this plan.
+bool same_work(const JobRow& row, const WorkPlan& work) {
+  const WorkPlan had{row.layers, row.accumulators, row.chains, row.epochs, row.development};
+  return pilot_sha256({{}, "", 0, had}) == pilot_sha256({{}, "", 0, work});
+}
+
+}  // namespace
+
 bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token, const PilotResult& result,
                                Now now) {
   expire(now);
@@ -348,6 +358,11 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
     return true;
   }
   note_success(*job, worker, now);
+  if (job->row.pilot_outdated && !same_work(job->row, result.work)) {
+    fail_job(job->row.id, "the new build plans other sums for this job than the old one did; submit it again",
+             now);
+    return true;
+  }
   job->row.audit.pilot_sha256 = sha256;
   job->row.audit.pilot_by = {identity(worker.row)};
   std::set<std::string> others = jury(*job, now);
@@ -355,7 +370,10 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   job->row.audit.pilot_due = !others.empty() && chosen_for_audit(*job, unit, worker);
   job->row.chains = result.work.chains;
   job->row.pilot_scale_log2 = result.state.film_scale_log2;
-  if (!result.work.chains) job->row.named_state = result.state;
+  job->row.decided = result.state.decided;
+  // The film has its scale.
+  if (!std::exchange(job->row.pilot_outdated, false) && !result.work.chains)
+    job->row.named_state = NamedState{result.state.film_scale_log2, result.state.bootstrap_b};
   job->row.plan = result.plan;
   job->row.layers = result.work.layers;
   job->row.accumulators = result.work.accumulators;
@@ -387,7 +405,7 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
                        result.work.chains->chains, result.work.chains->bootstrap_samples,
                        result.seconds_per_iteration, result.work.chains->segment_mutations);
   else
-    text = fmt::format("film scale 2^{}, {}", result.state.film_scale_log2, text);
+    text = fmt::format("film scale 2^{}, {}", job->row.named_state->film_scale_log2, text);
   if (!result.work.layers.empty()) text += fmt::format(", {} layers", result.work.layers.size());
   event(now, job->row.id, worker_id, "pilot", text);
   admit_if_due(now);

@@ -397,6 +397,8 @@ class Scheduler {
   void note_lost(Job& job, const std::string& trouble, Now now);
   // Queues an ended or finishing job again.
   void reopen(Job& job, Now now);
+  // If the pilot of an open job kept nothing of what it decided, the job waits for another one.
+  void renew_pilot(Job& job);
   static std::string lost_text(const Job& job);
   Result<void> check_starts(const Job& job) const;
   void check_stop(Job& job, Now now);

@@ -279,6 +279,8 @@ void Scheduler::begin_anew(const std::string& id, Now now) {
                                        row.chains ? "rounds" : "iterations", row.worker_seconds);
   const JobRow clean;
   row.named_state.reset();
+  row.decided.clear();
+  row.pilot_outdated = false;
   row.plan.clear();
   row.accumulators.clear();
   row.epochs.reset();

@@ -21,6 +21,7 @@ void Scheduler::rebuild_reserved(Job& job) {
 std::uint64_t Scheduler::agree(Job& job, const HalfSets& film, std::vector<UnitRow> rows, Now now) {
   const bool ended = has_ended(job.row.state);
   job.merged = film;
+  if (job.row.pilot_outdated) job.source = make_film_source(job.row);
   HalfSets ledger, told;
   UnitSource& source = *job.source;
   source.restart(film);
@@ -108,6 +109,7 @@ void Scheduler::restore(JobRow row, const HalfSets& film, const film::Tallies& t
   } else if (missing > 0) {
     note_lost(job, "", now);
   }
+  renew_pilot(job);
   save(job, now);
 }
 
@@ -140,7 +142,17 @@ void Scheduler::reconcile(const std::string& id, const HalfSets& film, const fil
   look_for_doubts(*job, now);
   if (has_ended(job->row.state) && missing > 0) note_lost(*job, trouble, now);
   if (!has_ended(job->row.state)) check_stop(*job, now);
+  renew_pilot(*job);
   save(*job, now);
+}
+
+void Scheduler::renew_pilot(Job& job) {
+  if (!job.row.pilot_outdated || has_ended(job.row.state) || job.finishing) return;
+  clear_units(job);
+  changes_.emplace_back(DropUnmergedUnits{job.row.id});
+  job.row.audit.pilot_sha256.clear();  // it says nothing of what was decided
+  job.row.audit.pilot_due = false;
+  job.source = make_pilot_source();
 }
 
 std::string Scheduler::lost_text(const Job& job) {
@@ -172,6 +184,7 @@ void Scheduler::reopen(Job& job, Now now) {
   place_prefix(job);
   start_fairly(job);
   look_for_doubts(job, now);
+  renew_pilot(job);
 }
 
 Result<bool> Scheduler::repair(const std::string& id, Now now) {

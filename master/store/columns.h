@@ -44,6 +44,8 @@ struct Bytes {
 // The columns of a job that the record has in another form.
 struct JobCells {
   Bytes settings, work, chain_status, audit;  // messages of candela.v1
+  Bytes decided;
+  int pilot_form = 0;  // 1: what it decided was kept
   std::string state, repairs_to;
   double film_scale_log2 = 0;  // NaN: no named state yet
   ChainPlan plan;
@@ -112,6 +114,8 @@ void columns(auto& row, Of<JobRow> auto& j, Of<JobCells> auto& cells) {
   row("audit", cells.audit);
   row("stop_indices", j.stop_indices);
   row("scene_path", j.scene_path);
+  row("decided", cells.decided);
+  row("pilot_form", cells.pilot_form);
 }
 
 void columns(auto& row, Of<UnitRow> auto& u) {

@@ -58,7 +58,9 @@ struct JobRow {
   JobState state = JobState::queued;
   std::string message;      // why it failed, and the like
   std::string stop_reason;  // "iterations", "time", "relmse", "indices", "black"; empty while it runs
-  std::optional<NamedState> named_state;
+  std::optional<NamedState> named_state;  // without `decided`
+  std::string decided;                    // what the pilot decided, of all units' states
+  bool pilot_outdated = false;            // the pilot was of a build that kept nothing of what it decided
   std::string plan;
   std::vector<film::AccumulatorSpec> accumulators;  // beside the film; valid (film::validate)
   std::optional<EpochPlan> epochs;
@@ -104,6 +106,13 @@ struct JobRow {
     return half == 0 ? (n + 1) / 2 : n / 2;
   }
 };
+
+// What its units start from, once the pilot is done.
+inline NamedState state_of_units(const JobRow& row) {
+  NamedState state = row.named_state.value_or(NamedState{row.pilot_scale_log2});
+  state.decided = row.decided;
+  return state;
+}
 
 inline film::Layout layout_of(const JobRow& row) {
   return {row.settings.width, row.settings.height, 1 + static_cast<std::uint32_t>(row.layers.size())};

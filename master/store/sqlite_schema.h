@@ -7,8 +7,8 @@ namespace candela::master {
 // 1: the first. 2: jobs.layers. 3: Markov chains. 4: what a job had and has lost. 5:
 // epochs and accumulators. 6: jobs that wait for their removal, statistics that were rejected, repeated
 // merges. 7: walks that were ended by a bound. 8: workers that are paused. 9: submitters. 10: audits. 11:
-// exact indices as stop rules, paths of scenes.
-inline constexpr int kSchemaVersion = 11;
+// exact indices as stop rules, paths of scenes. 12: what pilots decided.
+inline constexpr int kSchemaVersion = 12;
 
 inline constexpr const char* kSchema = R"sql(
 CREATE TABLE counters (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -37,7 +37,8 @@ CREATE TABLE jobs (
   bootstrap_statistics INTEGER NOT NULL DEFAULT 0, sampled_merges INTEGER NOT NULL DEFAULT 0,
   repeated_merges INTEGER NOT NULL DEFAULT 0, bounded_walks INTEGER NOT NULL DEFAULT 0,
   submitter TEXT NOT NULL DEFAULT '', audit BLOB NOT NULL DEFAULT x'',
-  stop_indices BLOB NOT NULL DEFAULT x'', scene_path TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
+  stop_indices BLOB NOT NULL DEFAULT x'', scene_path TEXT NOT NULL DEFAULT '',
+  decided BLOB NOT NULL DEFAULT x'', pilot_form INTEGER NOT NULL DEFAULT 0) WITHOUT ROWID;
 CREATE TABLE units (
   id INTEGER PRIMARY KEY, job TEXT NOT NULL, kind INTEGER NOT NULL, half INTEGER NOT NULL,
   first INTEGER NOT NULL, last INTEGER NOT NULL, state INTEGER NOT NULL, failures INTEGER NOT NULL,
@@ -121,6 +122,12 @@ ALTER TABLE units ADD COLUMN sha256 TEXT NOT NULL DEFAULT '';
 inline constexpr const char* kFromVersion10 = R"sql(
 ALTER TABLE jobs ADD COLUMN stop_indices BLOB NOT NULL DEFAULT x'';
 ALTER TABLE jobs ADD COLUMN scene_path TEXT NOT NULL DEFAULT '';
+)sql";
+// From version 11: workers made anew what a pilot decides; it was not kept. A pilot of form 0 is one of
+// these.
+inline constexpr const char* kFromVersion11 = R"sql(
+ALTER TABLE jobs ADD COLUMN decided BLOB NOT NULL DEFAULT x'';
+ALTER TABLE jobs ADD COLUMN pilot_form INTEGER NOT NULL DEFAULT 0;
 )sql";
 inline constexpr const char* kDistrustTable = R"sql(
 CREATE TABLE distrusted (

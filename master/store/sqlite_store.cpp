@@ -45,7 +45,8 @@ Result<void> SqliteStore::initialise() {
   if (made.ok() && found != 0 && found < 9) made = execute(kFromVersion8);
   if (made.ok() && found != 0 && found < 10) made = execute(kFromVersion9);
   if (made.ok() && found < 10) made = execute(kDistrustTable);
-  if (made.ok() && found != 0) made = execute(kFromVersion10);
+  if (made.ok() && found != 0 && found < 11) made = execute(kFromVersion10);
+  if (made.ok() && found != 0) made = execute(kFromVersion11);
   if (made.ok()) made = execute(kAuditSecret);
   if (made.ok()) made = execute(fmt::format("PRAGMA user_version={}", kSchemaVersion).c_str());
   if (made.ok()) made = execute("COMMIT");

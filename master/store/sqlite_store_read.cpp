@@ -82,6 +82,12 @@ Result<JobRow> SqliteStore::read_job(Statement& s) const {
     return input_error(fmt::format("job {} has the unknown state '{}'", j.id, cells.state)).at(path_, 0);
   j.state = *state;
   if (!std::isnan(cells.film_scale_log2)) j.named_state = NamedState{static_cast<int>(cells.film_scale_log2)};
+  j.decided = std::move(cells.decided.text);
+  if (j.decided.size() > Limits::max_decided_bytes)
+    return input_error(fmt::format("what the pilot of job {} decided has {} bytes", j.id, j.decided.size()))
+        .at(path_, 0);
+  // Pilots of chains decided nothing then.
+  j.pilot_outdated = j.named_state && cells.plan.chains == 0 && cells.pilot_form == 0;
   if (auto layout = film::make_layout(j.settings.width, j.settings.height, j.layers); !layout.ok())
     return input_error(
                fmt::format("the layers of job {} cannot be used: {}", j.id, layout.error().to_string()))

@@ -49,6 +49,8 @@ bool SqliteStore::apply(const PutJob& c) {
       .work = {work.SerializeAsString()},
       .chain_status = {status.SerializeAsString()},
       .audit = {message_of(j.audit).SerializeAsString()},
+      .decided = {j.decided},
+      .pilot_form = j.pilot_outdated ? 0 : 1,
       .state = std::string(name(j.state)),
       .repairs_to = j.repairs_to ? std::string(name(*j.repairs_to)) : "",
       .film_scale_log2 = j.named_state ? j.named_state->film_scale_log2 : std::nan(""),

@@ -1,6 +1,7 @@
 #include "master/truth/manifest.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "common/film/codec.h"
 #include "common/film/layers.h"
@@ -30,7 +31,8 @@ Result<std::string> encode_manifest(const JobRow& row, const std::string& bundle
   m.set_share(row.share);
   m.set_idempotency_token(row.idempotency_token);
   m.set_content_digest(row.content_digest);
-  if (row.named_state) wire::to_proto(*row.named_state, *m.mutable_named_state());
+  if (row.named_state) wire::to_proto(state_of_units(row), *m.mutable_named_state());
+  if (row.pilot_outdated) m.mutable_named_state()->clear_decided();
   m.set_plan(row.plan);
   m.mutable_layers()->Assign(row.layers.begin(), row.layers.end());
   if (row.chains) {
@@ -76,6 +78,8 @@ Result<Manifest> parse_manifest(std::string_view bytes) {
   row.content_digest = m.content_digest();
   if (!m.has_named_state()) return unusable("it is of a job without a film");
   CANDELA_ASSIGN(row.named_state, wire::from_proto(m.named_state()));
+  row.decided = std::exchange(row.named_state->decided, {});
+  row.pilot_outdated = !m.named_state().has_decided() && !m.has_chains();
   row.plan = m.plan();
   row.layers.assign(m.layers().begin(), m.layers().end());
   CANDELA_TRY(film::make_layout(row.settings.width, row.settings.height, row.layers));

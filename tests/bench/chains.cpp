@@ -19,6 +19,7 @@
 #include "common/stats/image_error.h"
 #include "tests/bench/count_argument.h"
 #include "tests/integrators.h"
+#include "tests/pilot_state.h"
 #include "tests/statistical/chain_driver.h"
 
 namespace {
@@ -109,14 +110,15 @@ Sample run_chains(Row& row, const TestScene& scene, std::uint64_t seed, std::uin
 }
 
 Sample run_iterations(const TestScene& scene, std::uint64_t seed, std::uint64_t iterations) {
-  const NamedState state = pilot_state(scene);
   TestScene seeded = scene;
   seeded.settings.seed = seed;
   const auto renderer = make_renderer(seeded);
+  const NamedState state = test::state_at(*renderer, pilot_state(scene).film_scale_log2);
   auto output = renderer->make_output(state);
   const auto& film = output.film;
   const std::clock_t begin = std::clock();
-  if (!renderer->run({Unit::Kind::iterations, 0, 0, iterations}, {}, output, {}).ok()) std::abort();
+  if (!renderer->run({Unit::Kind::iterations, 0, 0, iterations}, {state, {}, {}}, output, {}).ok())
+    std::abort();
   const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
   const double to_value = std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(iterations);
   Sample sample;

@@ -51,7 +51,8 @@ int main(int argc, char** argv) {
   const auto& film = output.film;
   for (std::uint64_t count : counts) {
     film->clear();
-    const auto done = (*renderer)->run({Unit::Kind::iterations, 0, 0, count}, {}, output, run);
+    const auto done =
+        (*renderer)->run({Unit::Kind::iterations, 0, 0, count}, {pilot->state, {}, {}}, output, run);
     if (!done.ok()) return fail(done.error().to_string());
     film::DeltaInfo info;
     info.unit = {Unit::Kind::iterations, 0, 0, count};
@@ -68,7 +69,7 @@ int main(int argc, char** argv) {
     for (std::uint64_t repeat = 0; repeat < 4; ++repeat) {
       film->clear();
       info.unit = {Unit::Kind::iterations, 0, repeat * count, (repeat + 1) * count};
-      const auto again = (*renderer)->run(info.unit, {}, output, run);
+      const auto again = (*renderer)->run(info.unit, {pilot->state, {}, {}}, output, run);
       if (!again.ok()) return fail(again.error().to_string());
       const std::string next = film::encode_delta(*film, info);
       const double t2 = thread_cpu_seconds();

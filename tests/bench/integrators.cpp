@@ -195,7 +195,8 @@ class Run {
     for (std::uint32_t half = 0; half < 2; ++half) {
       const Unit unit{Unit::Kind::iterations, half, 0, iterations};
       output_.clear();
-      if (const auto done = renderer_->run(unit, {}, output_, {}); !done.ok()) fail(done.error().to_string());
+      if (const auto done = renderer_->run(unit, value_of(epochs_->input(unit)), output_, {}); !done.ok())
+        fail(done.error().to_string());
       const std::string bytes = integrators::encode_delta({unit, {}, 0, "bench", "bench"}, output_);
       const film::Delta delta =
           value_of(film::Delta::decode(bytes, {{width_, height_, 1}, work_.accumulators}));

@@ -89,7 +89,8 @@ int main(int argc, char** argv) {
     auto output = (*renderer)->make_output(pilot->state);
     const auto& film = output.film;
     const double begin = cpu_seconds();
-    const auto done = (*renderer)->run({Unit::Kind::iterations, 0, 0, iterations}, {}, output, run);
+    const auto done =
+        (*renderer)->run({Unit::Kind::iterations, 0, 0, iterations}, {pilot->state, {}, {}}, output, run);
     const double seconds = cpu_seconds() - begin;
     if (!done.ok()) return fail(done.error().to_string());
     const double to_value = std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(iterations);

@@ -269,7 +269,7 @@ TEST(Rendering, ImagesAreReadOutAsTheJobSays) {
   for (const std::uint32_t half : {0U, 1U}) {
     render::UnitOutput output = (*renderer)->make_output(pilot->state);
     const Unit unit{Unit::Kind::iterations, half, 0, kIterations / 2};
-    ASSERT_TRUE((*renderer)->run(unit, {}, output, {}).ok());
+    ASSERT_TRUE((*renderer)->run(unit, {pilot->state, {}, {}}, output, {}).ok());
     for (std::size_t i = 0; i < expected.size(); ++i)
       expected[i] +=
           std::ldexp(static_cast<double>(output.film->sums()[i]), -output.film->scale_log2()) / kIterations;

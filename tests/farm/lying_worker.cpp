@@ -54,10 +54,10 @@ class LyingIntegrator final : public Integrator {
  public:
   explicit LyingIntegrator(std::unique_ptr<Integrator> honest) : honest_(std::move(honest)) {}
 
-  void decide(const UnitContext& context) override { honest_->decide(context); }
-  WorkPlan work(FilmSize size, int film_scale_log2) const override {
-    return honest_->work(size, film_scale_log2);
+  Result<Decision> decide(const UnitContext& context, const RunContext& run) const override {
+    return honest_->decide(context, run);
   }
+  WorkPlan work(FilmSize size, const NamedState& state) const override { return honest_->work(size, state); }
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run_context) const override {
     CANDELA_TRY(honest_->run(context, unit, input, output, run_context));
@@ -67,10 +67,6 @@ class LyingIntegrator final : public Integrator {
   }
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
     return honest_->pilot_luminances(context, count);
-  }
-  const Plan& plan() const override { return honest_->plan(); }
-  Plan plan_for(const UnitContext& context, const RunContext& run) const override {
-    return honest_->plan_for(context, run);
   }
 
  private:

@@ -173,7 +173,7 @@ std::vector<float> render_batch(const TestScene& scene, const std::vector<Unit>&
   const auto& film = output.film;
   std::uint64_t rendered = 0;
   for (const Unit& unit : units) {
-    const auto done = renderer->run(unit, {}, output, run);
+    const auto done = renderer->run(unit, {pilot->state, {}, {}}, output, run);
     if (!done.ok()) give_up(done.error());
     rendered += unit.end - unit.begin;
   }
@@ -253,16 +253,17 @@ std::vector<std::vector<double>> render_layers_now(const TestScene& scene, const
   const auto renderer = make_renderer(seeded);
   render::RunContext run;
   run.threads = threads;
+  auto pilot = renderer->pilot(run);
+  if (!pilot.ok()) give_up(pilot.error());
+  pilot->state.film_scale_log2 = state.film_scale_log2;
   if (test::has_epochs(scene.settings.integrator)) {
     if (first != 0) throw std::runtime_error("a job with epochs begins with its first iteration");
-    auto pilot = renderer->pilot(run);
-    if (!pilot.ok()) give_up(pilot.error());
-    pilot->state = state;
     return job_means(scene, *renderer, *pilot, iterations, run);
   }
-  auto output = renderer->make_output(state);
+  auto output = renderer->make_output(pilot->state);
   const auto& film = output.film;
-  const auto done = renderer->run({Unit::Kind::iterations, half, first, first + iterations}, {}, output, run);
+  const auto done = renderer->run({Unit::Kind::iterations, half, first, first + iterations},
+                                  {pilot->state, {}, {}}, output, run);
   if (!done.ok()) give_up(done.error());
   for (const std::uint64_t rejected : film->tallies().rejected)
     if (rejected != 0)

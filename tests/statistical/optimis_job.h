@@ -72,7 +72,7 @@ class Job {
     render::RunContext run;
     run.threads = threads;
     const Unit unit{Unit::Kind::iterations, half, begin, end};
-    const auto done = renderer_->run(unit, {}, output, run);
+    const auto done = renderer_->run(unit, {pilot_.state, {}, {}}, output, run);
     ASSERT_TRUE(done.ok()) << done.error().to_string();
     const std::string bytes = integrators::encode_delta({unit, {}, 0, "j", "b"}, output);
     const auto delta = film::Delta::decode(bytes, {layout(), work().accumulators});
@@ -135,7 +135,7 @@ class Job {
       auto output = renderer_->make_output(pilot_.state);
       output.epoch = epoch;
       const Unit unit{Unit::Kind::iterations, half, begin, begin + std::min<std::uint64_t>(end - begin, 2)};
-      const auto done = renderer_->run(unit, {}, output, {});
+      const auto done = renderer_->run(unit, {pilot_.state, {}, {}}, output, {});
       if (!done.ok()) throw std::runtime_error(done.error().to_string());
       proofs::film(identity(scene_), {output.film->sums(), output.film->layout().pixel_count() * 3});
       bytes = integrators::encode_delta({unit, {}, 0, "j", "b"}, output);

@@ -49,7 +49,8 @@ film::Delta delta_of(const render::Renderer& renderer, const NamedState& state, 
   run.threads = threads;
   auto output = renderer.make_output(state);
   const auto& film = output.film;
-  const auto done = epochs != nullptr ? epochs->run(unit, output, run) : renderer.run(unit, {}, output, run);
+  const auto done =
+      epochs != nullptr ? epochs->run(unit, output, run) : renderer.run(unit, {state, {}, {}}, output, run);
   EXPECT_TRUE(done.ok());
   film::DeltaInfo info;
   info.unit = unit;
@@ -93,7 +94,7 @@ void film_depends_on_the_job_alone(TestScene scene) {
   two.threads = 2;
   const auto second = again->pilot(two);
   ASSERT_TRUE(second.ok());
-  EXPECT_EQ(second->state.film_scale_log2, state.film_scale_log2);
+  EXPECT_EQ(second->state, state);
 }
 
 // Settings with which the few iterations of these tests have several epochs.

@@ -348,7 +348,7 @@ TEST(MarkovJobs, StopsWithinASegment) {
 // choice; and the pilot tells what the farm has to know.
 TEST(MarkovJobs, PlansSayWhatChainsAreFor) {
   const auto plan_of = [](const TestScene& scene, const std::string& integrator) {
-    return make_renderer(with_integrator(scene, integrator))->plan_text();
+    return make_renderer(with_integrator(scene, integrator))->plan_text().value();
   };
   const TestScene sky = scene_from_transport("constant", 8, 8), glass = scene_from_transport("caustic", 8, 8);
   for (const std::string& integrator : test::chain_integrators()) {

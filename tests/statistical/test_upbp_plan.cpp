@@ -41,11 +41,12 @@ TEST(Upbp, WorkIsThatOfVcmWithoutMedia) {
     const auto renderer = make_renderer(scene);
     std::vector<film::Tallies> tallies;
     for (const Unit& unit : {Unit{Unit::Kind::iterations, 0, 0, 2}, Unit{Unit::Kind::iterations, 1, 5, 6}}) {
-      auto output = renderer->make_output(pilot_state(scene));
-      EXPECT_TRUE(renderer->run(unit, {}, output, {}).ok());
+      const NamedState state = pilot_state(scene);
+      auto output = renderer->make_output(state);
+      EXPECT_TRUE(renderer->run(unit, {state, {}, {}}, output, {}).ok());
       tallies.push_back(output.film->tallies());
     }
-    const std::string plan = renderer->plan_text();
+    const std::string plan = renderer->plan_text().value();
     return std::pair(tallies, plan.substr(plan.find('\n', plan.find("integrator:"))));
   };
   for (const TestScene& scene : {scene_from_transport("caustic", 16, 16), dark_water}) {
@@ -75,7 +76,7 @@ TEST(Upbp, PlanTellsTheMemoryOfPhotonsAndBeams) {
                                        {"max_depth", "2"},
                                        {"radius", "0.01"}});
     sized.settings.width = sized.settings.height = side;
-    const std::string plan = make_renderer(sized)->plan_text();
+    const std::string plan = make_renderer(sized)->plan_text().value();
     const auto number = [&](const std::string& what) {
       const std::size_t at = plan.find(what);
       EXPECT_NE(at, std::string::npos) << what << " in " << plan;
@@ -125,7 +126,7 @@ TEST(Upbp, AutoRunsWhatThePlanNames) {
   std::set<std::string> chosen;
   for (const char* name : {"fog-thin", "fog-glass", "smoke"}) {
     const TestScene scene = scene_from_transport(name, 16, 16), automatic = with_integrator(scene, "upbp");
-    const std::string plan = make_renderer(automatic)->plan_text();
+    const std::string plan = make_renderer(automatic)->plan_text().value();
     std::size_t named = 0;
     for (const auto& [set, settings] : sets) {
       if (plan.find("chose " + set + ".") == std::string::npos) continue;
@@ -152,7 +153,7 @@ TEST(Upbp, BeamPathsAreThoseThatThePlanNames) {
       const auto set_to = [&](const char* beam_paths) {
         return with_integrator(bare, "upbp", {{"techniques", techniques}, {"beam_paths", beam_paths}});
       };
-      const std::string plan = make_renderer(scene)->plan_text();
+      const std::string plan = make_renderer(scene)->plan_text().value();
       const bool many = plan.find("chose 1024 beam_paths.") != std::string::npos;
       EXPECT_NE(plan.find("chose 128 beam_paths.") != std::string::npos, many) << plan;
       const char* number = many ? "1024" : "128";
@@ -161,12 +162,13 @@ TEST(Upbp, BeamPathsAreThoseThatThePlanNames) {
       EXPECT_NE(render_batches(scene, 5, 1, 2), render_batches(set_to(many ? "128" : "1024"), 5, 1, 2));
       for (const TestScene& chooses_nothing :
            {set_to(number), with_integrator(bare, "upbp", {{"techniques", techniques}, {"plan", "full"}})})
-        EXPECT_EQ(make_renderer(chooses_nothing)->plan_text().find("chose"), std::string::npos);
+        EXPECT_EQ(make_renderer(chooses_nothing)->plan_text().value().find("chose"), std::string::npos);
     }
   EXPECT_EQ(chosen.size(), 2U);
   const std::string plan =
       make_renderer(with_integrator(scene_from_transport("smoke", 16, 16), "upbp", {{"beam_paths", "40"}}))
-          ->plan_text();
+          ->plan_text()
+          .value();
   EXPECT_NE(plan.find("(40 beam_paths)"), std::string::npos) << plan;
   EXPECT_EQ(plan.find("1024"), std::string::npos) << plan;
 }

@@ -89,7 +89,7 @@ TEST(HostileInput, HugeTexelsAreCountedOrRendered) {
     ASSERT_TRUE(pilot.ok()) << pilot.error().to_string();
     auto output = renderer->make_output(pilot->state);
     const auto& film = output.film;
-    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 4}, {}, output, {}).ok());
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 4}, {pilot->state, {}, {}}, output, {}).ok());
     std::int64_t largest = 0;
     for (std::size_t i = 0; i < 8 * 8 * 3; ++i) largest = std::max(largest, film->sums()[i]);
     const double brightest = std::ldexp(static_cast<double>(largest), -film->scale_log2());

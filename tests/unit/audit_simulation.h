@@ -28,6 +28,7 @@ class AuditSimulation {
     std::string id, host;
     Lie lie;
     int pilot_scale = 20;
+    std::string decided = "the truth";
     bool away = false;
     double seconds = 1;                              // that a unit takes
     std::deque<std::pair<double, Lease>> under_way;  // when they end
@@ -198,6 +199,7 @@ class AuditSimulation {
     if (unit.kind == Unit::Kind::pilot) {
       PilotResult result;
       result.state.film_scale_log2 = w.pilot_scale;
+      result.state.decided = w.decided;
       result.seconds_per_iteration = 0.5;
       result.work = plans[id];
       s->complete_pilot(w.id, l.row.token, result, now());

@@ -53,10 +53,12 @@ inline Result<Picture> try_picture(const Files& files, const std::string& main_k
   CANDELA_ASSIGN(job.integrator_settings,
                  render::complete_integrator_settings(job.integrator, {}, settings.chosen));
   CANDELA_ASSIGN(const auto renderer, render::Renderer::create(source, main_key, {}, job, 1));
-  NamedState state;
+  CANDELA_ASSIGN(PilotResult pilot, renderer->pilot({}));
+  NamedState& state = pilot.state;
   state.film_scale_log2 = kFilmScaleLog2;
   auto output = renderer->make_output(state);
-  CANDELA_TRY(renderer->run({Unit::Kind::iterations, 0, 0, settings.iterations}, {}, output, {1}));
+  CANDELA_TRY(
+      renderer->run({Unit::Kind::iterations, 0, 0, settings.iterations}, {state, {}, {}}, output, {1}));
   Picture picture{settings.width, settings.height, {}, settings.iterations};
   const std::int64_t* sums = output.film->sums();
   picture.sums.assign(sums, sums + std::size_t{settings.width} * settings.height * 3);

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "tests/pilot_state.h"
 #include "tests/unit/scene_fixture.h"
 #include "worker/render/renderer.h"
 
@@ -28,10 +29,9 @@ constexpr int kFilmScaleLog2 = 30;
 // The film of the first `iterations` of a half, whose sums are in units of 2^-kFilmScaleLog2.
 inline std::unique_ptr<film::UnitFilm> render_film(const render::Renderer& renderer,
                                                    std::uint64_t iterations) {
-  NamedState state;
-  state.film_scale_log2 = kFilmScaleLog2;
+  const NamedState state = state_at(renderer, kFilmScaleLog2);
   auto output = renderer.make_output(state);
-  const auto done = renderer.run({Unit::Kind::iterations, 0, 0, iterations}, {}, output, {1});
+  const auto done = renderer.run({Unit::Kind::iterations, 0, 0, iterations}, {state, {}, {}}, output, {1});
   if (!done.ok()) throw std::runtime_error(done.error().to_string());
   return std::move(output.film);
 }

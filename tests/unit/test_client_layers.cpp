@@ -92,7 +92,7 @@ class LayeredRenderer final : public render::Renderer {
     std::this_thread::sleep_for(std::chrono::milliseconds(5 * (unit.end - unit.begin)));
     return {};
   }
-  std::string plan_text() const override { return "the plan"; }
+  Result<std::string> plan_text() const override { return std::string("the plan"); }
 };
 
 film::MergedFilm expected_film() {

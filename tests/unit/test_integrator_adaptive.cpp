@@ -52,7 +52,7 @@ UnitOutput run(const Renderer& renderer, const std::string& map, const Unit& uni
                const RunContext& context = {}) {
   const PilotResult asked = pilot(renderer);
   UnitOutput output = renderer.make_output(asked.state);
-  UnitInput input;
+  UnitInput input{asked.state, {}, {}};
   if (asked.work.epochs) input.states[asked.work.epochs->rule] = map;
   const auto done = renderer.run(unit, input, output, context);
   if (!done.ok()) throw std::runtime_error(done.error().to_string());
@@ -115,7 +115,7 @@ TEST(Adaptive, ThreadsAndCutsChangeNothing) {
     const auto renderer = make(integrator, kBox, {{"radius", "0.02"}}, "gaussian");
     const PilotResult asked = pilot(*renderer);
     ASSERT_TRUE(asked.work.epochs);
-    UnitInput input;
+    UnitInput input{asked.state, {}, {}};
     const std::string map = mixed_map();
     input.states[asked.work.epochs->rule] = map;
     auto one = renderer->make_output(asked.state), cut = renderer->make_output(asked.state);
@@ -229,7 +229,7 @@ TEST(Adaptive, OtherStatesAreRefused) {
     for (const std::string& map : {std::string(), constant_map() + '\0', deep}) {
       if (integrator == "appm" && map == deep) continue;  // has all levels
       UnitOutput output = renderer->make_output(asked.state);
-      UnitInput input;
+      UnitInput input{asked.state, {}, {}};
       if (!map.empty()) input.states[asked.work.epochs->rule] = map;
       const auto done = renderer->run({Unit::Kind::iterations, 0, 0, 1}, input, output, {});
       ASSERT_FALSE(done.ok()) << integrator;
@@ -264,7 +264,7 @@ TEST(Adaptive, PilotsAreAPlaneOfTheState) {
     EXPECT_GT(std::accumulate(means.begin(), means.end(), std::int64_t{0}), 0);
     for (const std::string& pilots : {std::string(), std::string(kSize * kSize, '\x4b')}) {
       UnitOutput output = renderer->make_output(asked.state);
-      UnitInput input;
+      UnitInput input{asked.state, {}, {}};
       const std::string map = constant_map() + pilots;
       input.states["appm"] = map;
       const auto done = renderer->run(unit, input, output, {});
@@ -454,7 +454,7 @@ TEST(Adaptive, TooLargeFilmsAreRefused) {
 TEST(Adaptive, PlansSayWhatStatisticsCost) {
   for (const auto& [integrator, bytes] : std::map<std::string, std::string>{
            {"fppm", "104 bytes"}, {"vcmplus", "104 bytes"}, {"cppm", "96 bytes"}, {"appm", "16 bytes"}}) {
-    const std::string text = make(integrator, kBox)->plan_text();
+    const std::string text = make(integrator, kBox)->plan_text().value();
     EXPECT_NE(text.find(bytes), std::string::npos) << text;
     EXPECT_NE(text.find("1 byte a pixel"), std::string::npos) << text;
   }

@@ -68,11 +68,10 @@ Sums sums_of(const render::UnitOutput& output) {
 }
 
 Sums run_units(const render::Renderer& renderer, const std::vector<Unit>& units, unsigned threads = 1) {
-  NamedState state;
-  state.film_scale_log2 = test::kFilmScaleLog2;
+  const NamedState state = test::state_at(renderer, test::kFilmScaleLog2);
   auto output = renderer.make_output(state);
   for (const Unit& unit : units) {
-    const auto done = renderer.run(unit, {}, output, {threads});
+    const auto done = renderer.run(unit, {state, {}, {}}, output, {threads});
     EXPECT_TRUE(done.ok()) << done.error().to_string();
   }
   return sums_of(output);

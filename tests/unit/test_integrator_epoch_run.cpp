@@ -63,7 +63,7 @@ class MadeUpPhotons final : public render::Renderer {
     output.film->count(tallies);
     return {};
   }
-  std::string plan_text() const override { return ""; }
+  Result<std::string> plan_text() const override { return std::string(""); }
   const ToyPlan& plan() const { return plan_; }
 
  private:

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "tests/integrators.h"
+#include "tests/pilot_state.h"
 #include "tests/unit/scene_fixture.h"
 #include "worker/integrators/merging/pixels_alone.h"
 #include "worker/render/renderer.h"
@@ -89,14 +90,14 @@ TEST(Merging, ThreadsAndCutsChangeNothing) {
   for (const std::string& integrator : test::merging_integrators()) {
     if (test::has_epochs(integrator)) continue;  // its units begin with a state: test_integrator_adaptive.cpp
     const auto renderer = make(integrator, kBox, {{"radius", "0.02"}});
-    NamedState state;
-    state.film_scale_log2 = 20;
+    const NamedState state = test::state_at(*renderer, 20);
+    const UnitInput input{state, {}, {}};
     auto one = renderer->make_output(state), four = renderer->make_output(state),
          cut = renderer->make_output(state);
-    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 5}, {}, one, {1}).ok());
-    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 5}, {}, four, {4}).ok());
-    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 3, 5}, {}, cut, {2}).ok());
-    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 3}, {}, cut, {3}).ok());
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 5}, input, one, {1}).ok());
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 5}, input, four, {4}).ok());
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 3, 5}, input, cut, {2}).ok());
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 3}, input, cut, {3}).ok());
     EXPECT_EQ(sums(*one.film), sums(*four.film)) << integrator;
     EXPECT_EQ(sums(*one.film), sums(*cut.film)) << integrator;
     EXPECT_EQ(one.film->tallies(), four.film->tallies()) << integrator;
@@ -112,9 +113,10 @@ TEST(Merging, CountsOfLightPaths) {
   for (const auto& [setting, count] :
        {std::pair<std::string, std::uint64_t>{"0.1", 160}, {"2.5", 4000}, {"1e-9", 1}}) {
     const auto renderer = make("vcm", kBox, {{"light_paths", setting}});
-    auto output = renderer->make_output({});
+    const NamedState state = test::state_at(*renderer, 0);
+    auto output = renderer->make_output(state);
     const auto& film = output.film;
-    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 1}, {}, output, {1}).ok());
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 1}, {state, {}, {}}, output, {1}).ok());
     EXPECT_EQ(film->tallies().light_paths, count);
   }
 }
@@ -122,14 +124,15 @@ TEST(Merging, CountsOfLightPaths) {
 // Claim: a stop ends a unit with an error; progress ends at 1 without one.
 TEST(Merging, StopsAndProgress) {
   const auto renderer = make("vcm", kBox);
-  auto output = renderer->make_output({});
+  const UnitInput input{test::state_at(*renderer, 0), {}, {}};
+  auto output = renderer->make_output(input.state);
   const auto& film = output.film;
   std::atomic<bool> stop{true};
   std::atomic<float> progress{0};
-  EXPECT_FALSE(renderer->run({Unit::Kind::iterations, 0, 0, 2}, {}, output, {1, &stop, &progress}).ok());
+  EXPECT_FALSE(renderer->run({Unit::Kind::iterations, 0, 0, 2}, input, output, {1, &stop, &progress}).ok());
   stop = false;
   film->clear();
-  EXPECT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 2}, {}, output, {1, &stop, &progress}).ok());
+  EXPECT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 2}, input, output, {1, &stop, &progress}).ok());
   EXPECT_EQ(progress.load(), 1.0f);
 }
 
@@ -137,7 +140,7 @@ TEST(Merging, StopsAndProgress) {
 TEST(Merging, PlansSaySo) {
   const auto plan = [](const std::string& integrator, const std::string& body,
                        const SettingsMap& chosen = {}) {
-    return make(integrator, body, chosen)->plan_text();
+    return make(integrator, body, chosen)->plan_text().value();
   };
   const std::string no_merging =
       "skip merging on surfaces: nothing glossy or specular can hide a light from connections: bidirectional "

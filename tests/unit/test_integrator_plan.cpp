@@ -26,7 +26,7 @@ std::unique_ptr<Renderer> renderer_of(const std::string& body, const std::string
 
 std::string plan_of(const std::string& body, const std::string& integrator = "path",
                     const SettingsMap& chosen = {}) {
-  return renderer_of(body, integrator, chosen)->plan_text();
+  return renderer_of(body, integrator, chosen)->plan_text().value();
 }
 
 bool says(const std::string& plan, const std::string& line) {

@@ -101,7 +101,8 @@ std::string plan_of_points(const std::string& body, const std::string& technique
   job.width = job.height = 4;
   return test::make_renderer(files, job,
                              {{"techniques", techniques}, {"selection", selection}, {"weights", "optimal"}})
-      ->plan_text();
+      ->plan_text()
+      .value();
 }
 
 TEST(IntegratorPoints, ThePlanSaysWhichAScenesNeeds) {
@@ -139,7 +140,7 @@ TEST(IntegratorPoints, ThePlanSaysWhetherOptimalWeightsPay) {
     JobSettings job;
     job.integrator = "optimis";
     job.width = job.height = 4;
-    return test::make_renderer(files, job, settings)->plan_text();
+    return test::make_renderer(files, job, settings)->plan_text().value();
   };
   const auto lamp = [](const std::string& scale, const std::string& radiance) {
     return kGround + "<shape type=\"rectangle\"><transform name=\"to_world\"><scale value=\"" + scale +

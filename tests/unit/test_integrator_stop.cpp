@@ -204,7 +204,7 @@ TEST_P(CutsOf, AreTheFirstSegments) {
   const auto run = [&](std::uint64_t begin, std::uint64_t end, render::RunContext context,
                        render::UnitOutput& output) {
     render::UnitInput input;
-    input.scalars = state;
+    input.state = state;
     input.starts = std::span(starts).subspan(begin, end - begin);
     EXPECT_TRUE(renderer->run({Unit::Kind::segments, 1, begin, end}, input, output, context).ok());
   };

@@ -342,6 +342,21 @@ TEST(Audits, FindAFalsePilot) {
   }
 }
 
+// Claim: so is a pilot that is false in nothing but what it decided.
+TEST(Audits, FindAFalseDecision) {
+  Sim sim(0.01);
+  sim.worker("liar");
+  sim.workers.at("liar").decided = "a lie";
+  for (const char* id : {"a", "b"}) sim.worker(id);
+  for (const char* id : {"j", "k", "l"}) sim.submit(id, 200);
+  for (const char* id : {"j", "k", "l"}) {
+    sim.run(id);
+    sim.expect_true(id, 200);
+    EXPECT_EQ(sim.job(id).row.decided, "the truth");
+  }
+  EXPECT_TRUE(sim.distrusts("liar"));
+}
+
 // Claim: an ended job that a liar worked on says so, with the number of its units; to extend it looks at them
 // again, and begins anew if they were false; to trust the worker takes the words back.
 TEST(Audits, TaintJobsThatHaveEnded) {

@@ -194,12 +194,19 @@ TEST(WireMessages, Units) {
   EXPECT_EQ(wire::from_proto(bad).error().field, "unit.end");
 }
 
-// Claim: a film scale that a double cannot hold never reaches the film, not even the one whose absolute value
-// overflows.
+// Claim: a named state keeps every bit over the wire. A film scale that a double cannot hold never reaches
+// the film, not even the one whose absolute value overflows; what a pilot decided is bounded in size.
 TEST(WireMessages, NamedState) {
   v1::NamedState message;
-  wire::to_proto(NamedState{-37}, message);
-  EXPECT_EQ(wire::from_proto(message)->film_scale_log2, -37);
+  NamedState state{-37, 0.1, std::string("\0\xff\x80", 3)};
+  wire::to_proto(state, message);
+  EXPECT_EQ(*wire::from_proto(message), state);
+  state.decided.assign(4096, '\xee');
+  wire::to_proto(state, message);
+  EXPECT_EQ(*wire::from_proto(message), state);
+  message.mutable_decided()->push_back('x');
+  EXPECT_EQ(wire::from_proto(message).error().field, "named_state.decided");
+  wire::to_proto(NamedState{}, message);
   for (const std::int32_t bad : {1001, -1001, std::numeric_limits<std::int32_t>::min()}) {
     message.set_film_scale_log2(bad);
     EXPECT_EQ(wire::from_proto(message).error().field, "named_state.film_scale_log2");

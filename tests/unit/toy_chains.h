@@ -101,7 +101,7 @@ class ToyRenderer final : public render::Renderer {
       if (starts[i - unit.begin].record.segments != chains::segment_of(i, toy_.plan.chains))
         return input_error("a start of another segment");
       output.records.push_back(
-          segment(chain, starts[i - unit.begin], input.scalars.bootstrap_b, film, tallies));
+          segment(chain, starts[i - unit.begin], input.state.bootstrap_b, film, tallies));
       std::this_thread::sleep_for(per_segment_);
       if (context.stop != nullptr && *context.stop) return refused_error("stopped");
       if (context.progress != nullptr)
@@ -111,7 +111,7 @@ class ToyRenderer final : public render::Renderer {
     film.count(tallies);
     return {};
   }
-  std::string plan_text() const override { return "a toy"; }
+  Result<std::string> plan_text() const override { return std::string("a toy"); }
 
  private:
   double start_of(std::uint64_t sample) const {

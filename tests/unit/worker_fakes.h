@@ -140,7 +140,7 @@ class FakeRenderer final : public render::Renderer {
     film.count(tallies);
     return {};
   }
-  std::string plan_text() const override { return "a plan"; }
+  Result<std::string> plan_text() const override { return std::string("a plan"); }
 
  private:
   void wait_at_gate(std::unique_lock<std::mutex>& lock, const render::RunContext& context) const {

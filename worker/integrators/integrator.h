@@ -47,34 +47,40 @@ struct FilmSize {
   std::uint32_t width = 0, height = 0;
 };
 
+// What a pilot decides for a whole job.
+struct Decision {
+  // NamedState::decided of every unit, at most Limits::max_decided_bytes (decision_bytes.h). Empty: scene and
+  // settings leave nothing open.
+  std::string bytes;
+  Plan plan;  // what will run
+};
+
 class Integrator {
  public:
   virtual ~Integrator() = default;
 
-  // Lets a short pilot decide what work() asks for: a pure function of the context, so that every worker
-  // decides alike. Called once for a job, before all else but work(), which until then asks for the most.
-  virtual void decide(const UnitContext& /*context*/) {}
+  // Decides what scene and settings leave open, by trials if need be: a pure function of the context. The
+  // pilot of a job calls it once; no unit repeats it. Fails only if it is stopped.
+  virtual Result<Decision> decide(const UnitContext& context, const RunContext& run) const = 0;
 
-  // The work that a job of this integrator asks of the farm: a pure function of scene, settings and film
-  // size; only scales of accumulators may depend on film_scale_log2, which the pilot chose (0 before it).
-  // The result passes validate() of work_plan.h: create() refuses settings whose result would not.
-  // Units are iterations, or, with chains, bootstrap samples and segments
+  // The work that a job of this integrator asks of the farm: a pure function of scene, settings, film size,
+  // and the pilot's state, {} before it. Only scales of accumulators may depend on the film's scale. Only
+  // accumulators and the development may depend on what is decided; before that, or with bytes that decide()
+  // did not write, the work is the most that it may be. The pilot fails where the result does not pass
+  // validate() of work_plan.h. Units are iterations, or, with chains, bootstrap samples and segments
   // (common/chains/chains.h); the first layers of a job of chains are the chains' part and what independent
   // samples brought. Each layer is summed and developed as the image is: a mean over iterations.
-  virtual WorkPlan work(FilmSize /*size*/, int /*film_scale_log2*/) const { return {}; }
+  virtual WorkPlan work(FilmSize /*size*/, const NamedState& /*state*/) const { return {}; }
 
   // Adds to `output` what the unit brings: a pure function of (context, unit, input), whatever the threads.
-  // Precondition: the unit is of the plan's kinds, and input and output are what such a unit has.
+  // Precondition: the unit is of the plan's kinds, and input and output are what such a unit has. Fails
+  // (input) on bytes that decide() did not write.
   virtual Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input,
                            UnitOutput& output, const RunContext& run) const = 0;
 
   // The radiance of `count` samples spread over the film, in a fixed order, from the pilot's own streams:
   // what the film's scale is chosen from. NaN and infinite samples are left out.
   virtual std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const = 0;
-
-  virtual const Plan& plan() const = 0;
-  // The plan with what a pilot decides; stopped, without.
-  virtual Plan plan_for(const UnitContext& /*context*/, const RunContext& /*run*/) const { return plan(); }
 };
 
 // One line of the registry.

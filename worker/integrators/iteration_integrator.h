@@ -16,11 +16,15 @@ class IterationIntegrator : public Integrator {
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
     return pilot_by_eye_walk(context, count, options_);
   }
-  const Plan& plan() const final { return planned_.plan; }
+  Result<Decision> decide(const UnitContext& /*context*/, const RunContext& /*run*/) const override {
+    return Decision{{}, plan()};
+  }
 
  protected:
+  const Plan& plan() const { return planned_.plan; }
+
   const estimators::PathOptions options_;
-  Planned planned_;  // decide() may change it
+  const Planned planned_;
 };
 
 }  // namespace candela::integrators

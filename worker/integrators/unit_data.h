@@ -18,7 +18,7 @@
 namespace candela::integrators {
 
 struct UnitInput {
-  NamedState scalars;
+  NamedState state;
   // Bytes of the decided states that the lease names, by name.
   std::map<std::string, std::string_view, std::less<>> states;
   // A unit of segments has one for each index, in order.

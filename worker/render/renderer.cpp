@@ -134,7 +134,7 @@ class SceneRenderer final : public Renderer {
     const auto make = [&](const film::AccumulatorSpec& spec) {
       return std::make_unique<film::UnitAccumulator>(layout_.width, layout_.height, spec);
     };
-    for (const film::AccumulatorSpec& spec : integrators_work(state.film_scale_log2).accumulators)
+    for (const film::AccumulatorSpec& spec : integrators_work(state).accumulators)
       output.accumulators.push_back(make(spec));
     for (const film::AccumulatorSpec& spec : aovs_.accumulators(scene_->features()))
       output.aovs.push_back(make(spec));
@@ -157,17 +157,21 @@ class SceneRenderer final : public Renderer {
     });
   }
 
-  std::string plan_text() const override { return plan_text(RunContext()); }
-
-  std::string plan_text(const RunContext& run_context) const {
-    return features_text(scene_->features()) + fmt::format("integrator: {}\n", settings_.integrator) +
-           integrator_->plan_for(context(), run_context).to_text() + aovs_.plan_text();
+  Result<std::string> plan_text() const override {
+    return unless_stopped([&]() -> Result<std::string> {
+      CANDELA_ASSIGN(integrators::Decision decision, integrator_->decide(context(), {}));
+      CANDELA_TRY(work({0, 0, std::move(decision.bytes)}));
+      return text_of(decision.plan);
+    });
   }
 
   const scene::SceneFeatures* features() const override { return &scene_->features(); }
 
  private:
   Result<PilotResult> run_pilot(const RunContext& run_context) const {
+    CANDELA_ASSIGN(integrators::Decision decision, integrator_->decide(context(), run_context));
+    if (decision.bytes.size() > Limits::max_decided_bytes)
+      return internal_error(fmt::format("the pilot decided {} bytes", decision.bytes.size()));
     const auto begin = std::chrono::steady_clock::now();
     const std::vector<float> luminances = integrator_->pilot_luminances(context(), kPilotSamples);
     const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
@@ -175,8 +179,9 @@ class SceneRenderer final : public Renderer {
     PilotResult result;
     result.state.film_scale_log2 =
         integrators::film_scale_log2(luminances, scene_->features().max_emitted_radiance);
-    result.plan = plan_text(run_context);
-    result.work = work(result.state.film_scale_log2);
+    result.state.decided = std::move(decision.bytes);
+    result.plan = text_of(decision.plan);
+    CANDELA_ASSIGN(result.work, work(result.state));
     const double pixels = static_cast<double>(settings_.width) * settings_.height;
     result.seconds_per_iteration =
         seconds.count() * pixels / kPilotSamples / std::max(1U, run_context.threads);
@@ -189,7 +194,8 @@ class SceneRenderer final : public Renderer {
     const std::uint64_t samples = std::min<std::uint64_t>(256, work_.chains->bootstrap_samples);
     UnitOutput discarded;
     const auto timed = std::chrono::steady_clock::now();
-    CANDELA_TRY(integrator_->run(context(), {Unit::Kind::bootstrap, 0, 0, samples}, {}, discarded, quiet));
+    CANDELA_TRY(integrator_->run(context(), {Unit::Kind::bootstrap, 0, 0, samples}, {result.state, {}, {}},
+                                 discarded, quiet));
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - timed;
     result.seconds_per_iteration = spent.count() / static_cast<double>(samples) *
                                    static_cast<double>(work_.chains->segment_mutations) /
@@ -219,11 +225,19 @@ class SceneRenderer final : public Renderer {
     return possible ? Result<void>() : internal_error("not a unit of this job");
   }
 
-  WorkPlan integrators_work(int film_scale_log2) const {
-    return integrator_->work({settings_.width, settings_.height}, film_scale_log2);
+  WorkPlan integrators_work(const NamedState& state) const {
+    return integrator_->work({settings_.width, settings_.height}, state);
   }
-  WorkPlan work(int film_scale_log2) const {
-    return with_aovs(with_layers(integrators_work(film_scale_log2), layers_), aovs_, scene_->features());
+  Result<WorkPlan> work(const NamedState& state) const {
+    WorkPlan work = with_aovs(with_layers(integrators_work(state), layers_), aovs_, scene_->features());
+    auto valid = validate(work, settings_.width, settings_.height);
+    if (valid.ok()) return work;
+    if (work.accumulators.size() <= film::kMaxAccumulators) return valid.error();
+    return Error(valid.error()).with_mend("fewer AOVs, or light_groups=infinite or one");
+  }
+  std::string text_of(const integrators::Plan& plan) const {
+    return features_text(scene_->features()) + fmt::format("integrator: {}\n", settings_.integrator) +
+           plan.to_text() + aovs_.plan_text();
   }
   integrators::UnitContext context() const {
     return {*scene_,         filter_,          sampler_, settings_.seed,
@@ -245,7 +259,7 @@ class SceneRenderer final : public Renderer {
   integrators::AovPass aovs_;
   film::PixelFilter filter_;
   samplers::SamplerKind sampler_;
-  WorkPlan work_;  // for a film of scale 0
+  WorkPlan work_;  // the integrator's before the pilot: layers and stages are decided by then
   std::optional<Epochs> epochs_;
   film::Layout layout_;
   letters::LayerRequest layers_;                          // with those of lamps
@@ -285,8 +299,7 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   features.reads_letters = !layers.empty();
   CANDELA_ASSIGN(std::unique_ptr<integrators::Integrator> integrator,
                  entry->create(settings.integrator_settings, features));
-  integrator->decide({*scene, filter, sampler, settings.seed, settings.width, settings.height});
-  WorkPlan work = integrator->work({settings.width, settings.height}, 0);
+  WorkPlan work = integrator->work({settings.width, settings.height}, {});
   std::unique_ptr<transport::PathLetters> path_letters;
   if (!layers.empty()) {
     CANDELA_ASSIGN(letters::Automaton automaton,
@@ -297,11 +310,6 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   work = with_layers(std::move(work), layers);
   CANDELA_TRY(check_names(aov_list, work.layers));
   integrators::AovPass aovs(std::move(aov_list), work.chains);
-  work = with_aovs(std::move(work), aovs, scene->features());
-  if (auto valid = validate(work, settings.width, settings.height); !valid.ok()) {
-    if (work.accumulators.size() <= film::kMaxAccumulators) return valid.error();
-    return Error(valid.error()).with_mend("fewer AOVs, or light_groups=infinite or one");
-  }
   std::unique_ptr<scene::Scene> parameterized_scene;
   if (aovs.reads_parameters()) {
     options.parameterized = true;
@@ -388,7 +396,7 @@ Result<WorkPlan> largest_work(const JobSettings& settings) {
         if (!error) error = integrator.error();
         continue;
       }
-      WorkPlan work = with_layers((*integrator)->work({settings.width, settings.height}, 0), layers);
+      WorkPlan work = with_layers((*integrator)->work({settings.width, settings.height}, {}), layers);
       const integrators::AovPass pass(aovs, work.chains);
       work = with_aovs(std::move(work), pass, features);
       if (!largest || statistics_bytes(work, settings.width, settings.height) >

@@ -49,7 +49,8 @@ class Renderer {
   // Pure functions of (scene, settings, unit, input): not of threads, time, or what ran before.
   virtual Result<PilotResult> pilot(const RunContext& context) const = 0;
 
-  // An output for a unit that brings a film: film and accumulators of the job's size, clear.
+  // An output for a unit that brings a film: film and accumulators of the job's size, clear. With another
+  // state than the pilot's the unit may not fit to it.
   virtual UnitOutput make_output(const NamedState& state) const = 0;
   // Adds to `output`, which is of make_output(), or an empty one for a unit that brings no film. It is clear,
   // or has the sums of other iterations of this half and epoch: then it is the output of all of them. An
@@ -58,8 +59,9 @@ class Renderer {
   virtual Result<void> run(const Unit& unit, const UnitInput& input, UnitOutput& output,
                            const RunContext& context) const = 0;
 
-  // The integrator's plan as text: features found, what will run, what is skipped and why.
-  virtual std::string plan_text() const = 0;
+  // The integrator's plan as text: features found, what will run, what is skipped and why. It makes the same
+  // trials as the pilot, and fails as it does.
+  virtual Result<std::string> plan_text() const = 0;
 
   // The scene's facts; null where there is no scene behind (in tests).
   virtual const scene::SceneFeatures* features() const { return nullptr; }

@@ -89,7 +89,7 @@ class FarmWorker final : public Worker {
   // Sums to add into, kept from unit to unit.
   struct Sums {
     std::string scene_key;
-    int scale_log2 = 0;
+    NamedState state;  // that they were made for
     render::UnitOutput output;
   };
   struct Finished {

@@ -273,7 +273,7 @@ void FarmWorker::run_unit(const TaskPtr& task, const SceneStore::Scene& scene, c
                 fmt::format("the lease cannot be used: chain_starts: there are {}", starts.size()));
 
   render::UnitInput input;
-  input.scalars = state;
+  input.state = state;
   input.starts = starts;
   std::vector<BlobCache::Mapped> states;
   if (!fetch_states(task, input, states)) return;
@@ -328,12 +328,12 @@ FarmWorker::Sums FarmWorker::take_sums(const SceneStore::Scene& scene, const Uni
     while (!spare_sums_.empty()) {
       Sums sums = std::move(spare_sums_.back());
       spare_sums_.pop_back();
-      if (sums.scene_key == scene.key && sums.scale_log2 == state.film_scale_log2) return sums;
+      if (sums.scene_key == scene.key && sums.state == state) return sums;
       unfit.push_back(std::move(sums));
     }
   }
   unfit.clear();
-  return {scene.key, state.film_scale_log2, scene.renderer->make_output(state)};
+  return {scene.key, state, scene.renderer->make_output(state)};
 }
 
 // Precondition: the sums are clear.

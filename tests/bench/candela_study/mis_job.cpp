@@ -61,7 +61,7 @@ Result<double> MisJob::render(std::uint64_t begin, std::uint64_t end, const std:
     const Unit unit{Unit::Kind::iterations, half, begin, end};
     output_.clear();
     const double start = thread_seconds();
-    CANDELA_TRY(renderer_->run(unit, {}, output_, {}));
+    CANDELA_TRY(renderer_->run(unit, {pilot_.state, {}, {}}, output_, {}));
     seconds += thread_seconds() - start;
     for (const std::uint64_t rejected : output_.film->tallies().rejected)
       if (rejected != 0)

@@ -12,7 +12,8 @@ class ToyIntegrator final : public Integrator {
  public:
   explicit ToyIntegrator(std::chrono::microseconds pause) : pause_(pause) {}
 
-  WorkPlan work(FilmSize, int) const override { return toy::work_plan(); }
+  Result<Decision> decide(const UnitContext&, const RunContext&) const override { return Decision(); }
+  WorkPlan work(FilmSize, const NamedState&) const override { return toy::work_plan(); }
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run_context) const override {
     const auto state = input.states.find(toy::kRule);
@@ -28,11 +29,9 @@ class ToyIntegrator final : public Integrator {
   std::vector<float> pilot_luminances(const UnitContext&, std::uint32_t count) const override {
     return std::vector<float>(count, 1.0F);
   }
-  const Plan& plan() const override { return plan_; }
 
  private:
   std::chrono::microseconds pause_;
-  Plan plan_;
 };
 
 }  // namespace

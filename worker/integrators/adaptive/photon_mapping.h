@@ -24,16 +24,16 @@ class PhotonMapping final : public IterationIntegrator {
         make_statistics_(std::move(make_statistics)) {}
 
   // Where nothing is merged there is nothing to decide.
-  WorkPlan work(FilmSize /*size*/, int film_scale_log2) const override {
-    return planned_.techniques.merges() ? work_plan(adaptation_, film_scale_log2) : WorkPlan{};
+  WorkPlan work(FilmSize /*size*/, const NamedState& state) const override {
+    return planned_.techniques.merges() ? work_plan(adaptation_, state.film_scale_log2) : WorkPlan{};
   }
-  Plan plan_for(const UnitContext& context, const RunContext& /*run*/) const override {
-    return merging::with_first_radius(plan(), context, iterations_);
+  Result<Decision> decide(const UnitContext& context, const RunContext& /*run*/) const override {
+    return merging::decide_radius(plan(), context, iterations_);
   }
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run_context) const override {
     if (!planned_.techniques.merges())
-      return merging::run_ppm(planned_.between, context, unit, iterations_, output, run_context);
+      return merging::run_ppm(planned_.between, context, unit, input, iterations_, output, run_context);
     return with_between(planned_.between, [&](auto between) {
       return run_adaptive<estimators::PpmEye<between(), transport::ScaleMap, Statistics>>(
           context, unit, input, iterations_, adaptation_,

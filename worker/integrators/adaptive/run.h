@@ -8,13 +8,13 @@
 namespace candela::integrators::adaptive {
 
 // EyeEstimator: VcmEye or PpmEye with a ScaleMap. statistics(first_radius): what each eye path's statistics
-// start as.
+// start as, or what converts to it and lives as long as the iterations.
 template <class EyeEstimator, class MakeStatistics>
 Result<void> run_adaptive(const UnitContext& context, const Unit& unit, const UnitInput& input,
                           const merging::IterationOptions& options, const Adaptation& adaptation,
                           const MakeStatistics& statistics, UnitOutput& output, const RunContext& run) {
   CANDELA_ASSIGN(const std::string_view map, level_map(input, adaptation, context));
-  const double first = merging::first_radius(context, options);
+  CANDELA_ASSIGN(const double first, merging::decided_radius(input, options));
   MappedScales<typename EyeEstimator::Mis> scales(
       options.merge, adaptation.levels.radii(first), map, context,
       static_cast<double>(merging::light_path_count(options.merge, context)), options.techniques);

@@ -1,7 +1,5 @@
 #include "worker/integrators/appm/appm.h"
 
-#include <memory>
-#include <mutex>
 #include <vector>
 
 #include "common/adaptive/plug_in.h"
@@ -21,40 +19,37 @@ class MakeMoments {
       : kernel_(kernel),
         pilot_(pilot == "eighth" ? candela::adaptive::Pilot::eighth : candela::adaptive::Pilot::tenth),
         adaptation_(std::move(adaptation)),
-        epochs_(adaptation_.epochs.first, adaptation_.epochs.growth),
-        table_(std::make_shared<Table>()) {}
+        epochs_(adaptation_.epochs.first, adaptation_.epochs.growth) {}
+
+  struct Moments {
+    std::vector<transport::SurfacePilot> pilots;  // by level
+    transport::PlugInMoments moments;             // points into them
+    // NOLINTNEXTLINE(google-explicit-constructor)
+    operator const transport::PlugInMoments&() const { return moments; }
+  };
 
   // Precondition: level_map() accepts the input's state.
-  transport::PlugInMoments operator()(double first_radius, const UnitContext& context, const Unit& unit,
-                                      const UnitInput& input) const {
+  Moments operator()(double first_radius, const UnitContext& context, const Unit& unit,
+                     const UnitInput& input) const {
     const std::uint64_t begin = epochs_.begin(epochs_.of_index(unit.begin));
     const double pilot = clamped(first_radius * candela::adaptive::pilot_bandwidth(pilot_, begin));
-    if (adaptation_.planes.empty()) return {kernel_, first_radius, pilot};
-    // The first radius is the same for all units of a job.
-    std::call_once(table_->once, [&] {
-      for (int g = 0; g < candela::adaptive::kPilotLevels; ++g)
-        table_->pilots.emplace_back(kernel_, first_radius,
-                                    clamped(first_radius * candela::adaptive::pilot_of_level(g)));
-    });
-    return {kernel_,
-            first_radius,
-            pilot,
-            {table_->pilots, *adaptive::level_map(input, adaptation_, context, 1), context.width,
-             context.height}};
+    if (adaptation_.planes.empty()) return {{}, {kernel_, first_radius, pilot}};
+    std::vector<transport::SurfacePilot> pilots;
+    for (int g = 0; g < candela::adaptive::kPilotLevels; ++g)
+      pilots.emplace_back(kernel_, first_radius,
+                          clamped(first_radius * candela::adaptive::pilot_of_level(g)));
+    const transport::PilotMap map{pilots, *adaptive::level_map(input, adaptation_, context, 1), context.width,
+                                  context.height};
+    return {std::move(pilots), {kernel_, first_radius, pilot, map}};
   }
 
  private:
-  struct Table {
-    std::once_flag once;
-    std::vector<transport::SurfacePilot> pilots;
-  };
   static double clamped(double radius) { return std::max(radius, adaptive::kLeastRadius); }
 
   transport::Kernel kernel_;
   candela::adaptive::Pilot pilot_;
   adaptive::Adaptation adaptation_;
   Epochs epochs_;
-  std::shared_ptr<Table> table_;
 };
 
 }  // namespace

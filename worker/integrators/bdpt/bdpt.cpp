@@ -98,7 +98,7 @@ class BdptIntegrator final : public IterationIntegrator {
     return chosen(context, options_, planned_.techniques, layers_, unit, *output.film, run_context);
   }
 
-  WorkPlan work(FilmSize /*size*/, int /*film_scale_log2*/) const override {
+  WorkPlan work(FilmSize /*size*/, const NamedState& /*state*/) const override {
     return {.layers = layers_.names()};
   }
 

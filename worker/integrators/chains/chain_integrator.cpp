@@ -84,7 +84,7 @@ ChainPlan ChainIntegrator::chain_plan(FilmSize size) const {
   return plan;
 }
 
-WorkPlan ChainIntegrator::work(FilmSize size, int /*film_scale_log2*/) const {
+WorkPlan ChainIntegrator::work(FilmSize size, const NamedState& /*state*/) const {
   WorkPlan plan;
   plan.layers = {"independent"};
   plan.chains = chain_plan(size);
@@ -133,13 +133,13 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
   const std::uint64_t count = unit.end - unit.begin;
   mcmc::ChainRules rules;
   rules.seed = context.seed;
-  rules.b0 = input.scalars.bootstrap_b;
+  rules.b0 = input.state.bootstrap_b;
   rules.prob_large = settings_.large_step;
   rules.segment_mutations = plan.segment_mutations;
   rules.pixels = static_cast<double>(context.width) * context.height;
-  if (!std::isfinite(input.scalars.bootstrap_b) || input.scalars.bootstrap_b < 0)
+  if (!std::isfinite(input.state.bootstrap_b) || input.state.bootstrap_b < 0)
     return internal_error("the first estimate of b is negative or not finite");
-  const bool dark = !(input.scalars.bootstrap_b > 0);
+  const bool dark = !(input.state.bootstrap_b > 0);
   const std::uint64_t direct_samples = divide_up(
       std::uint64_t{context.width} * context.height * static_cast<std::uint64_t>(settings_.direct_samples),
       plan.chains);

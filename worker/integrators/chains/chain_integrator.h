@@ -13,11 +13,13 @@ namespace candela::integrators {
 
 class ChainIntegrator : public Integrator {
  public:
-  WorkPlan work(FilmSize size, int film_scale_log2) const final;
+  Result<Decision> decide(const UnitContext& /*context*/, const RunContext& /*run*/) const final {
+    return Decision{{}, plan_};
+  }
+  WorkPlan work(FilmSize size, const NamedState& state) const final;
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run) const final;
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const final;
-  const Plan& plan() const final { return plan_; }
 
  protected:
   // options: of all paths. The plan has items of direct light and of what Metropolis may gain.

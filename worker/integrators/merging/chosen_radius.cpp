@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
 #include <utility>
 
+#include "worker/integrators/decision_bytes.h"
 #include "worker/integrators/merging/first_radius.h"
 #include "worker/integrators/merging/neighbor_radius.h"
 #include "worker/scene/scene.h"
@@ -17,6 +17,8 @@ namespace {
 // Light paths of the pilot: those of an iteration, within these.
 constexpr double kFewestPaths = 1 << 11, kMostPaths = 1 << 14;
 constexpr int kGrid = 16;  // by as many eye paths
+
+constexpr std::string_view kKind = "rad1";  // of the decision
 
 ChosenRadius automatic_radius(const UnitContext& context, const MergeRules& rules,
                               const estimators::PathOptions& options,
@@ -60,14 +62,6 @@ ChosenRadius given_radius(const UnitContext& context, const MergeRules& rules,
               too_few};
 }
 
-const ChosenRadius& chosen_radius(const UnitContext& context, const IterationOptions& options) {
-  ChosenOnce& chosen = *options.chosen;
-  std::call_once(chosen.once, [&] {
-    chosen.radius = choose_radius(context, options.merge, options.paths, options.techniques);
-  });
-  return chosen.radius;
-}
-
 }  // namespace
 
 std::uint64_t light_path_count(const MergeRules& rules, const UnitContext& context) {
@@ -86,18 +80,28 @@ double most_pixels(const MergeRules& rules, const estimators::Techniques& techni
   return techniques.merge_medium ? 10 : 2;
 }
 
-double first_radius(const UnitContext& context, const IterationOptions& options) {
-  return options.techniques.merges() ? chosen_radius(context, options).value : 1;
-}
-
-Plan with_first_radius(Plan plan, const UnitContext& context, const IterationOptions& options) {
-  if (!options.techniques.merges()) return plan;
-  const ChosenRadius& chosen = chosen_radius(context, options);
+void note_radius(const ChosenRadius& chosen, const UnitContext& context, Plan& plan) {
   const auto sphere = static_cast<double>(context.scene.features().radius);
   std::string share;
   if (sphere > 0) share = fmt::format(", {:.3g} of the scene's bounding sphere", chosen.value / sphere);
   plan.note("first merging radius", fmt::format("{:.4g}{}: {}", chosen.value, share, chosen.why));
-  return plan;
+}
+
+Decision decide_radius(Plan plan, const UnitContext& context, const IterationOptions& options) {
+  if (!options.techniques.merges()) return {{}, std::move(plan)};
+  const ChosenRadius chosen = choose_radius(context, options.merge, options.paths, options.techniques);
+  note_radius(chosen, context, plan);
+  DecisionWriter out(kKind);
+  out.real(chosen.value);
+  return {out.bytes(), std::move(plan)};
+}
+
+Result<double> decided_radius(const UnitInput& input, const IterationOptions& options) {
+  if (!options.techniques.merges()) return 1.0;
+  DecisionReader in(input.state.decided, kKind);
+  const double radius = in.real(kLeastRadius, kGreatestRadius);
+  CANDELA_TRY(in.done());
+  return radius;
 }
 
 }  // namespace candela::integrators::merging

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/merging/iteration_options.h"
@@ -9,6 +10,12 @@
 namespace candela::integrators::merging {
 
 std::uint64_t light_path_count(const MergeRules& rules, const UnitContext& context);
+
+// In scene units, and how it was chosen.
+struct ChosenRadius {
+  double value = 1;
+  std::string why = {};
+};
 
 // By the settings of `rules` (settings.h). An automatic radius is that of the disc in which kAutomaticPhotons
 // photons of an iteration lie: the median over what a grid of eye paths merges at first, in media of the
@@ -23,10 +30,12 @@ ChosenRadius choose_radius(const UnitContext& context, const MergeRules& rules,
 // nothing but merging does, more of a blur is less than the noise; and photons in media are rarer.
 double most_pixels(const MergeRules& rules, const estimators::Techniques& techniques);
 
-// The value for these options, in scene units, chosen once for all options that share `chosen`; 1 where
-// nothing merges.
-double first_radius(const UnitContext& context, const IterationOptions& options);
-// Tells of it in the plan, if anything merges.
-Plan with_first_radius(Plan plan, const UnitContext& context, const IterationOptions& options);
+// Says in the plan which was chosen.
+void note_radius(const ChosenRadius& chosen, const UnitContext& context, Plan& plan);
+
+// Decides the radius for these options, if anything merges; `plan` is what will run.
+Decision decide_radius(Plan plan, const UnitContext& context, const IterationOptions& options);
+// The radius that the pilot decided, in scene units; 1 where nothing merges. Fails (input) on other bytes.
+Result<double> decided_radius(const UnitInput& input, const IterationOptions& options);
 
 }  // namespace candela::integrators::merging

@@ -9,8 +9,7 @@
 namespace candela::integrators::merging {
 namespace {
 
-constexpr int kGrid = 32;                       // by as many rays
-constexpr double kLeast = 1e-12, kMost = 1e12;  // DiscKernel, BallKernel
+constexpr int kGrid = 32;  // by as many rays
 
 }  // namespace
 
@@ -48,7 +47,7 @@ double first_radius(const UnitContext& context, double fraction, double pixels) 
 }
 
 double clamped_radius(double radius) {
-  return std::clamp(radius, kLeast, kMost);
+  return std::clamp(radius, kLeastRadius, kGreatestRadius);
 }
 
 }  // namespace candela::integrators::merging

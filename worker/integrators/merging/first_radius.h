@@ -14,7 +14,8 @@ double first_radius(const UnitContext& context, double fraction, double pixels);
 // The median width of a pixel, as above; 0 where nothing is met.
 double pixel_footprint(const UnitContext& context);
 
-// Within what kernels can take.
+// What kernels can take: DiscKernel, BallKernel.
+inline constexpr double kLeastRadius = 1e-12, kGreatestRadius = 1e12;
 double clamped_radius(double radius);
 
 }  // namespace candela::integrators::merging

@@ -124,11 +124,12 @@ Result<void> run_iterations(const UnitContext& context, const Unit& unit, const 
 
 // Those of one radius for the whole film.
 template <class EyeEstimator>
-Result<void> run_progressive(const UnitContext& context, const Unit& unit, const IterationOptions& options,
-                             UnitOutput& output, const RunContext& run) {
+Result<void> run_progressive(const UnitContext& context, const Unit& unit, const UnitInput& input,
+                             const IterationOptions& options, UnitOutput& output, const RunContext& run) {
+  CANDELA_ASSIGN(const double first, decided_radius(input, options));
   const ProgressiveScales<typename EyeEstimator::Mis> scales(
-      options.merge, first_radius(context, options),
-      static_cast<double>(light_path_count(options.merge, context)), options.techniques);
+      options.merge, first, static_cast<double>(light_path_count(options.merge, context)),
+      options.techniques);
   return run_iterations<EyeEstimator>(context, unit, options, scales, {}, output, run);
 }
 

@@ -5,10 +5,11 @@
 namespace candela::integrators::merging {
 
 Result<void> run_vcm(transport::Between chosen, const UnitContext& context, const Unit& unit,
-                     const IterationOptions& options, UnitOutput& output, const RunContext& run) {
+                     const UnitInput& input, const IterationOptions& options, UnitOutput& output,
+                     const RunContext& run) {
   return with_between(chosen, [&](auto between) {
     using Eye = estimators::VcmEye<between(), transport::Balance, transport::ConstantScale>;
-    return run_progressive<Eye>(context, unit, options, output, run);
+    return run_progressive<Eye>(context, unit, input, options, output, run);
   });
 }
 

@@ -18,6 +18,7 @@
 #include "common/stages/epochs.h"
 #include "common/stages/light_visibility.h"
 #include "worker/estimators/path.h"
+#include "worker/integrators/decision_bytes.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/optimis/plan.h"
@@ -35,6 +36,15 @@ constexpr std::uint64_t kFirstWord = 1, kSecondWord = 2, kThirdWord = 3;
 // The size and the seed of the trial of optimal weights.
 constexpr std::uint64_t kTrialPixels = 512;
 constexpr std::uint64_t kTrialSeed = 0x747269616cULL;  // "trial"
+
+constexpr std::string_view kKind = "opt1";                          // of the decision,
+constexpr std::uint64_t kBalance = 0, kOptimal = 1, kReadings = 2;  // and its number
+
+// How a job's samples become its image.
+struct Reading {
+  estimators::FirstVertexSetup setup;
+  ReadOut read_out;
+};
 
 class OptimisIntegrator final : public IterationIntegrator {
   // Calls f(trace), trace(ray, sampler, tallies, first) being the radiance along a ray.
@@ -59,38 +69,45 @@ class OptimisIntegrator final : public IterationIntegrator {
   OptimisIntegrator(const OptimisSettings& settings, const estimators::PathOptions& options,
                     optimis::PlannedFirstVertex planned)
       : IterationIntegrator(options, std::move(planned.planned)),
-        setup_(std::move(planned.setup)),
-        read_out_(planned.read_out),
+        planned_reading_{planned.setup, planned.read_out},
+        balance_{planned.setup, ReadOut::film},
+        setup_(planned_reading_.setup),
         eligible_(planned.eligible),
         lights_(planned.lights),
         on_trial_(planned.on_trial),
         settings_(settings),
         allocation_(mis::Allocation::ones(setup_.techniques())),
         tally_(tally_of(setup_.techniques())),
-        paths_(read_out_ == ReadOut::fan ? static_cast<std::uint64_t>(settings.batch) : 1) {
-    if (read_out_ == ReadOut::epochs || lights_ > 0)
+        paths_(planned.read_out == ReadOut::fan ? static_cast<std::uint64_t>(settings.batch) : 1) {
+    balance_.setup.controls = false;
+    if (planned.read_out == ReadOut::epochs || lights_ > 0)
       epochs_.emplace(static_cast<std::uint64_t>(settings.epoch_min),
                       static_cast<std::uint32_t>(settings.growth));
   }
 
-  void decide(const UnitContext& context) override {
-    if (!on_trial_) return;
+  Result<Decision> decide(const UnitContext& context, const RunContext& /*run*/) const override {
+    Decision decision{{}, plan()};
+    if (!on_trial_) return decision;
     const double ratio = trial(context).ratio();
-    optimis::tell_trial(ratio, planned_.plan);
-    if (ratio <= optimis::kMostVariance) return;
-    read_out_ = ReadOut::film;
-    setup_.controls = false;
+    optimis::tell_trial(ratio, decision.plan);
+    DecisionWriter out(kKind);
+    out.count(ratio <= optimis::kMostVariance ? kOptimal : kBalance);
+    decision.bytes = out.bytes();
+    return decision;
   }
 
-  WorkPlan work(FilmSize size, int film_scale_log2) const override {
+  WorkPlan work(FilmSize size, const NamedState& state) const override {
+    const int film_scale_log2 = state.film_scale_log2;
+    const Result<const Reading*> decided = reading(state.decided);
+    const ReadOut read_out = (decided.ok() ? **decided : planned_reading_).read_out;
     using Per = film::AccumulatorSpec::Per;
     WorkPlan plan;
     const std::size_t n = setup_.techniques();
-    if (read_out_ == ReadOut::best) {
+    if (read_out == ReadOut::best) {
       plan.accumulators = best_technique::accumulators(n, film_scale_log2);
       plan.development = best_technique::plan(n, eligible_);
-    } else if (read_out_ == ReadOut::sums || read_out_ == ReadOut::epochs) {
-      const bool epochs = read_out_ == ReadOut::epochs;
+    } else if (read_out == ReadOut::sums || read_out == ReadOut::epochs) {
+      const bool epochs = read_out == ReadOut::epochs;
       plan.accumulators =
           pixel_sums::specs(n, film_scale_log2, epochs ? Per::epoch : Per::job, setup_.groups);
       plan.development = optimal_mis::plan(epochs ? optimal_mis::kEpochName : optimal_mis::kName, allocation_,
@@ -112,6 +129,8 @@ class OptimisIntegrator final : public IterationIntegrator {
   // The states of progressive's epochs say nothing: slopes are for whoever reads the image.
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run) const override {
+    CANDELA_ASSIGN(const Reading* const decided, reading(input.state.decided));
+    const Reading& how = *decided;
     std::optional<estimators::LightWeights> lights;
     const light_visibility::Layout layout = light_visibility::layout(context.width, context.height, lights_);
     if (lights_ > 0 && layout.side > 0) {
@@ -119,7 +138,7 @@ class OptimisIntegrator final : public IterationIntegrator {
       if (!weights.empty()) lights.emplace(context.scene.lights().extent(), layout, weights);
     }
     const std::optional<scene::LightGroups> groups = light_groups(context);
-    const bool has_epochs = epochs_.has_value() && (read_out_ == ReadOut::epochs || layout.side > 0);
+    const bool has_epochs = epochs_.has_value() && (how.read_out == ReadOut::epochs || layout.side > 0);
     return with_tracer(context, [&](const auto& trace) {
       // Slopes and light weights of an epoch are from earlier ones: they have to be independent. One half's
       // samples of all epochs are one sequence of the sampler, those of different words are not.
@@ -129,10 +148,10 @@ class OptimisIntegrator final : public IterationIntegrator {
                            [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
                                film::Tallies& tallies) {
                              samplers::Sampler sampler(context.sampler, context.seed);
-                             estimators::FirstVertex first(setup_, options_, lights ? &*lights : nullptr,
+                             estimators::FirstVertex first(how.setup, options_, lights ? &*lights : nullptr,
                                                            groups ? &*groups : nullptr);
                              mis::Sums batch;
-                             const Iteration iteration{context, unit,    word,  run,   output,
+                             const Iteration iteration{context, unit,    how,   word,  run,   output,
                                                        tallies, sampler, first, batch, layout};
                              for (std::uint32_t y = y0; y < y1; ++y) {
                                for (std::uint32_t x = x0; x < x1; ++x) {
@@ -161,6 +180,14 @@ class OptimisIntegrator final : public IterationIntegrator {
   }
 
  private:
+  // That which the pilot decided. Fails (input) on other bytes.
+  Result<const Reading*> reading(std::string_view decided) const {
+    if (!on_trial_) return &planned_reading_;
+    DecisionReader in(decided, kKind);
+    const std::uint64_t number = in.count(kReadings);
+    CANDELA_TRY(in.done());
+    return number == kOptimal ? &planned_reading_ : &balance_;
+  }
   std::optional<scene::LightGroups> light_groups(const UnitContext& context) const {
     if (setup_.groups == 1) return std::nullopt;
     return std::make_optional<scene::LightGroups>(context.scene.lights(), setup_.partition);
@@ -231,6 +258,7 @@ class OptimisIntegrator final : public IterationIntegrator {
   struct Iteration {
     const UnitContext& context;
     const Unit& unit;
+    const Reading& how;
     std::uint32_t sequence;  // the sampler's, beside seed and pixel
     const RunContext& run;
     UnitOutput& output;
@@ -251,7 +279,7 @@ class OptimisIntegrator final : public IterationIntegrator {
     const std::uint32_t x = at.x, y = at.y;
     // Light of the paths, and of those that reached a first vertex the sums.
     Spectrum light;
-    if (read_out_ == ReadOut::fan) i.batch.clear(setup_.techniques());
+    if (i.how.read_out == ReadOut::fan) i.batch.clear(setup_.techniques());
     bool reached = false;
     float weight = 0;
     for (std::uint64_t path = 0; path < paths_; ++path) {
@@ -261,25 +289,25 @@ class OptimisIntegrator final : public IterationIntegrator {
       light += trace(eye.ray, i.sampler, i.tallies, i.first) * eye.weight;
       weight = eye.weight;
       reached = i.first.reached();
-      if (reached && read_out_ == ReadOut::fan)
+      if (reached && i.how.read_out == ReadOut::fan)
         add_weighted(i.batch, mis::sums_of(setup_.techniques(), i.first.batch()), eye.weight);
     }
-    if (read_out_ == ReadOut::fan) {
+    if (i.how.read_out == ReadOut::fan) {
       light += optimal_part(i.batch);
       light *= 1 / static_cast<float>(paths_);
     }
     const std::uint64_t key = i.sampler.sample_key();
     if (i.run.fault != nullptr) i.run.fault(key, &light.r);
-    const bool signed_values = i.context.filter.has_negative_lobes() || read_out_ == ReadOut::fan;
+    const bool signed_values = i.context.filter.has_negative_lobes() || i.how.read_out == ReadOut::fan;
     const bool kept = i.output.film->add(0, x, y, {light.r, light.g, light.b}, key, i.tallies, signed_values);
     if (!reached) return;
     tally_visibility(i, key);
     // Samples that the film rejected count as zero.
     const double kept_weight = kept ? static_cast<double>(weight) : 0;
-    const std::uint32_t part = read_out_ == ReadOut::epochs ? i.unit.half : 0;
-    if (read_out_ == ReadOut::sums || read_out_ == ReadOut::epochs)
+    const std::uint32_t part = i.how.read_out == ReadOut::epochs ? i.unit.half : 0;
+    if (i.how.read_out == ReadOut::sums || i.how.read_out == ReadOut::epochs)
       for (std::size_t g = 0; g < setup_.groups; ++g) tally_(i, g, kept_weight, part, at, key);
-    if (read_out_ == ReadOut::best)
+    if (i.how.read_out == ReadOut::best)
       tally_singles(i.first.singles(), kept_weight, x, y, key, i.output, i.tallies);
   }
 
@@ -359,11 +387,12 @@ class OptimisIntegrator final : public IterationIntegrator {
                                 tallies);
   }
 
-  estimators::FirstVertexSetup setup_;
-  ReadOut read_out_;
+  const Reading planned_reading_;              // if a trial does not find otherwise
+  Reading balance_;                            // if it does
+  const estimators::FirstVertexSetup& setup_;  // what all readings have in common
   const mis::Eligible eligible_;
   const std::uint32_t lights_;  // whose visibility is learned
-  const bool on_trial_;         // decide() decides
+  const bool on_trial_;         // decide() chooses a reading
   const OptimisSettings settings_;
   const mis::Allocation allocation_;
   const Tally tally_;             // of optimal weights

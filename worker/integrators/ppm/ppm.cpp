@@ -17,12 +17,12 @@ class PpmIntegrator final : public IterationIntegrator {
       : IterationIntegrator(options, std::move(planned)),
         iterations_{options_, planned_.techniques, merge, caustics_only} {}
 
-  Plan plan_for(const UnitContext& context, const RunContext& /*run*/) const override {
-    return merging::with_first_radius(plan(), context, iterations_);
+  Result<Decision> decide(const UnitContext& context, const RunContext& /*run*/) const override {
+    return merging::decide_radius(plan(), context, iterations_);
   }
-  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
-                   UnitOutput& output, const RunContext& run_context) const override {
-    return merging::run_ppm(planned_.between, context, unit, iterations_, output, run_context);
+  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
+                   const RunContext& run_context) const override {
+    return merging::run_ppm(planned_.between, context, unit, input, iterations_, output, run_context);
   }
 
  private:

@@ -6,14 +6,15 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <utility>
 
 #include "common/rng/stream.h"
+#include "worker/integrators/decision_bytes.h"
 #include "worker/integrators/film_scale.h"
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/merging/first_radius.h"
 #include "worker/integrators/merging/iterations.h"
 #include "worker/integrators/upbp/choice.h"
 #include "worker/integrators/upbp/hits.h"
@@ -54,24 +55,18 @@ class UpbpIntegrator final : public IterationIntegrator {
       : IterationIntegrator(options, variants[0]->rules.planned),
         variants_(std::move(variants)),
         setting_(std::move(setting)),
-        has_pilot_(has_pilot) {
-    for (const auto& variant : variants_) variant->iterations.chosen = variants_[0]->iterations.chosen;
-  }
+        has_pilot_(has_pilot) {}
 
-  WorkPlan work(FilmSize /*size*/, int /*film_scale_log2*/) const override {
+  WorkPlan work(FilmSize /*size*/, const NamedState& /*state*/) const override {
     return {.layers = variants_[0]->iterations.layers()};
   }
-  Plan plan_for(const UnitContext& context, const RunContext& run) const override;
-  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
-                   UnitOutput& output, const RunContext& run) const override {
-    Pilot pilot;
-    if (has_pilot_) {
-      CANDELA_ASSIGN(pilot, pilot_for(context, run));
-    }
-    const Variant& variant = *variants_[pilot.variant];
+  Result<Decision> decide(const UnitContext& context, const RunContext& run) const override;
+  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
+                   const RunContext& run) const override {
+    CANDELA_ASSIGN(const Decided decided, read_decision(input.state.decided));
     Measured unread;
-    return run_variant(variant, merging::first_radius(context, variant.iterations), pilot.hits, context, unit,
-                       output, run, unread);
+    return run_variant(*variants_[decided.variant], decided.radius, decided.hits, context, unit, output, run,
+                       unread);
   }
 
  private:
@@ -86,15 +81,21 @@ class UpbpIntegrator final : public IterationIntegrator {
     upbp::HitCounts hits;
     upbp::Memory memory;
   };
-  struct Pilot {
-    upbp::Choice choice;
+  // What the units of a job keep to.
+  struct Decided {
     std::size_t variant = 0;  // the one chosen, or a refined one
+    double radius = 1;        // the first, of surfaces; 1 if the variant does not merge
     upbp::ExpectedHits hits;  // of the job with what was chosen
-    upbp::Memory memory;      // of an iteration of it
+  };
+  struct Pilot {
+    Decided decided;
+    upbp::Choice choice;
+    upbp::Memory memory;                               // of an iteration of what was chosen
+    std::optional<merging::ChosenRadius> radius = {};  // if what was chosen merges
   };
 
-  // Runs once. Stopped, it runs anew when asked again.
-  Result<Pilot> pilot_for(const UnitContext& context, const RunContext& run) const;
+  static std::string write_decision(const Decided& decided);
+  Result<Decided> read_decision(std::string_view bytes) const;
   Result<Pilot> run_pilot(const UnitContext& context, const RunContext& run) const;
   // first: merging radius of the first iteration, of surfaces. hits: that weights expect.
   Result<void> run_variant(const Variant& variant, double first, const upbp::ExpectedHits& hits,
@@ -104,8 +105,6 @@ class UpbpIntegrator final : public IterationIntegrator {
   const std::vector<std::unique_ptr<Variant>> variants_;
   const std::string setting_;
   const bool has_pilot_;
-  mutable std::mutex mutex_;
-  mutable std::optional<Pilot> pilot_;
 };
 
 upbp::BeamPaths beam_paths(const MediumRules& rules, const UnitContext& context, std::uint64_t iteration,
@@ -239,9 +238,12 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
   std::vector<upbp::Trial> trials;
   std::vector<upbp::Memory> memory;
   std::vector<upbp::ExpectedHits> hits;
+  std::optional<merging::ChosenRadius> radius;  // all variants share that of the first one that merges
   const auto try_out = [&](const Variant& variant) -> Result<void> {
-    const double first = merging::first_radius(context, variant.iterations);
     const merging::MergeRules& merge = variant.iterations.merge;
+    const Techniques& techniques = variant.iterations.techniques;
+    if (techniques.merges() && !radius) radius = merging::choose_radius(context, merge, options_, techniques);
+    const double first = techniques.merges() ? radius->value : 1;
     const std::uint64_t paths = merging::light_path_count(merge, context),
                         few_paths = merging::light_path_count(merge, small);
     const double density = static_cast<double>(paths) / static_cast<double>(few_paths);
@@ -272,12 +274,13 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
       break;
     CANDELA_TRY(try_out(*variant));
   }
-  Pilot pilot{upbp::choose(trials), 0, {}, {}};
-  pilot.variant = pilot.choice.index;
+  Pilot pilot{{}, upbp::choose(trials), {}};
+  Decided& decided = pilot.decided;
+  decided.variant = pilot.choice.index;
   std::size_t best = pilot.choice.index;  // of the trials
   // One refinement, then the other, each kept if it is better.
   for (const bool fewer : {true, false}) {
-    MediumRules wanted = variants_[pilot.variant]->rules.medium;
+    MediumRules wanted = variants_[decided.variant]->rules.medium;
     if (fewer)
       wanted.connect_media = kFewConnections;
     else
@@ -287,44 +290,62 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
       if (rules.refined != pilot.choice.index || rules.medium != wanted) continue;
       CANDELA_TRY(try_out(*variants_[v]));
       if (upbp::last_is_better(trials, best)) {
-        pilot.variant = v;
+        decided.variant = v;
         best = trials.size() - 1;
       }
       break;
     }
   }
-  pilot.hits = hits[best];
+  if (has_pilot_) decided.hits = hits[best];
   pilot.memory = memory[best];
+  if (variants_[decided.variant]->iterations.techniques.merges()) {
+    decided.radius = radius->value;
+    pilot.radius = std::move(radius);
+  }
   return pilot;
 }
 
-Result<UpbpIntegrator::Pilot> UpbpIntegrator::pilot_for(const UnitContext& context,
-                                                        const RunContext& run) const {
-  const std::lock_guard lock(mutex_);
-  if (!pilot_) {
-    CANDELA_ASSIGN(pilot_, run_pilot(context, run));
-  }
-  return *pilot_;
+constexpr std::string_view kKind = "upb1";  // of the decision
+
+std::string UpbpIntegrator::write_decision(const Decided& decided) {
+  DecisionWriter out(kKind);
+  out.count(decided.variant);
+  out.real(decided.radius);
+  for (const double hits :
+       {decided.hits.point_point, decided.hits.point_beam, decided.hits.beam_point, decided.hits.beam_beam})
+    out.real(hits);
+  return out.bytes();
 }
 
-Plan UpbpIntegrator::plan_for(const UnitContext& context, const RunContext& run) const {
-  const auto pilot = pilot_for(context, run);
-  if (!pilot.ok()) return plan();
-  const upbp::Choice& choice = pilot->choice;
-  Plan plan = merging::with_first_radius(variants_[pilot->variant]->rules.planned.plan, context,
-                                         variants_[pilot->variant]->iterations);
+Result<UpbpIntegrator::Decided> UpbpIntegrator::read_decision(std::string_view bytes) const {
+  DecisionReader in(bytes, kKind);
+  Decided decided;
+  decided.variant = in.count(variants_.size());
+  decided.radius = in.real(merging::kLeastRadius, merging::kGreatestRadius);
+  for (double* hits : {&decided.hits.point_point, &decided.hits.point_beam, &decided.hits.beam_point,
+                       &decided.hits.beam_beam})
+    *hits = in.real(0, std::numeric_limits<double>::max());
+  CANDELA_TRY(in.done());
+  return decided;
+}
+
+Result<Decision> UpbpIntegrator::decide(const UnitContext& context, const RunContext& run) const {
+  CANDELA_ASSIGN(const Pilot pilot, run_pilot(context, run));
+  const upbp::Choice& choice = pilot.choice;
+  const Rules& chosen = variants_[pilot.decided.variant]->rules;
+  Plan plan = chosen.planned.plan;
+  if (pilot.radius) merging::note_radius(*pilot.radius, context, plan);
   std::string found;
   for (std::size_t v = 0; v < choice.inefficiency.size(); ++v)
     found += fmt::format("{}{} {:.2g} and {:.2g}", v == 0 ? "" : "; ", variants_[v]->rules.name,
                          choice.inefficiency[v], choice.cost[v]);
   if (variants_.size() > 1)
-    plan.note(setting_,
-              fmt::format("chose {}. Error times cost over the least, and cost over that of {}, in a "
-                          "pilot: {}",
-                          variants_[pilot->variant]->rules.name, variants_[0]->rules.name, found));
+    plan.note(setting_, fmt::format("chose {}. Error times cost over the least, and cost over that of {}, in "
+                                    "a pilot: {}",
+                                    chosen.name, variants_[0]->rules.name, found));
   plan.note("memory", fmt::format("an iteration of {} x {} pixels holds about {}", context.width,
-                                  context.height, upbp::to_text(pilot->memory)));
-  return plan;
+                                  context.height, upbp::to_text(pilot.memory)));
+  return Decision{write_decision(pilot.decided), std::move(plan)};
 }
 
 // The settings that vcm has too; of layers=techniques its layer `merging` is left.

@@ -18,16 +18,16 @@ class VcmIntegrator final : public IterationIntegrator {
       : IterationIntegrator(options, std::move(planned)),
         iterations_{options_, planned_.techniques, merge, false, merging_layer} {}
 
-  WorkPlan work(FilmSize /*size*/, int /*film_scale_log2*/) const override {
+  WorkPlan work(FilmSize /*size*/, const NamedState& /*state*/) const override {
     return {.layers = iterations_.layers()};
   }
 
-  Plan plan_for(const UnitContext& context, const RunContext& /*run*/) const override {
-    return merging::with_first_radius(plan(), context, iterations_);
+  Result<Decision> decide(const UnitContext& context, const RunContext& /*run*/) const override {
+    return merging::decide_radius(plan(), context, iterations_);
   }
-  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
-                   UnitOutput& output, const RunContext& run_context) const override {
-    return merging::run_vcm(planned_.between, context, unit, iterations_, output, run_context);
+  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
+                   const RunContext& run_context) const override {
+    return merging::run_vcm(planned_.between, context, unit, input, iterations_, output, run_context);
   }
 
  private:

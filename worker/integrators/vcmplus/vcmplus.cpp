@@ -26,19 +26,19 @@ class VcmplusIntegrator final : public IterationIntegrator {
         colors_(colors) {}
 
   // Where nothing is merged there is nothing to decide.
-  WorkPlan work(FilmSize /*size*/, int film_scale_log2) const override {
+  WorkPlan work(FilmSize /*size*/, const NamedState& state) const override {
     WorkPlan plan;
-    if (planned_.techniques.merges()) plan = adaptive::work_plan(adaptation_, film_scale_log2);
+    if (planned_.techniques.merges()) plan = adaptive::work_plan(adaptation_, state.film_scale_log2);
     plan.layers = iterations_.layers();
     return plan;
   }
-  Plan plan_for(const UnitContext& context, const RunContext& /*run*/) const override {
-    return merging::with_first_radius(plan(), context, iterations_);
+  Result<Decision> decide(const UnitContext& context, const RunContext& /*run*/) const override {
+    return merging::decide_radius(plan(), context, iterations_);
   }
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run_context) const override {
     if (!planned_.techniques.merges())
-      return merging::run_vcm(planned_.between, context, unit, iterations_, output, run_context);
+      return merging::run_vcm(planned_.between, context, unit, input, iterations_, output, run_context);
     using Statistics = transport::WeightedSectors;
     return with_between(planned_.between, [&](auto between) {
       using Eye = estimators::VcmEye<between(), transport::Balance, transport::ScaleMap, Statistics>;
