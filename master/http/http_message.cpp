@@ -12,6 +12,7 @@ namespace {
 std::string_view reason_of(int code) {
   static constexpr std::pair<int, std::string_view> kReasons[] = {
       {200, "OK"},
+      {202, "Accepted"},
       {304, "Not Modified"},
       {400, "Bad Request"},
       {401, "Unauthorized"},
@@ -147,6 +148,12 @@ ParsedRequest parse_request(std::string_view text) {
 }
 
 std::string to_text(const HttpAnswer& answer, bool with_body) {
+  std::string text = head_text(answer);
+  if (with_body) text += answer.shared ? *answer.shared : answer.body;
+  return text;
+}
+
+std::string head_text(const HttpAnswer& answer) {
   const std::string& body = answer.shared ? *answer.shared : answer.body;
   std::string text = fmt::format(
       "HTTP/1.1 {} {}\r\nContent-Type: {}\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: "
@@ -158,14 +165,18 @@ std::string to_text(const HttpAnswer& answer, bool with_body) {
     text +=
         "Content-Security-Policy: default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
         "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n";
-  text += answer.etag.empty() ? "Cache-Control: no-store\r\n"
-                              : fmt::format("Cache-Control: no-cache\r\nETag: \"{}\"\r\n", answer.etag);
+  if (answer.lasting)
+    text += "Cache-Control: private, max-age=31536000, immutable\r\n";
+  else
+    text += answer.etag.empty() ? "Cache-Control: no-store\r\n"
+                                : fmt::format("Cache-Control: no-cache\r\nETag: \"{}\"\r\n", answer.etag);
+  if (!answer.file.empty())
+    text += fmt::format("Content-Disposition: attachment; filename=\"{}\"\r\n", answer.file);
   if (!answer.cookie.empty()) text += fmt::format("Set-Cookie: {}\r\n", answer.cookie);
   if (answer.code == 401) text += "WWW-Authenticate: Bearer\r\n";
   if (answer.code == 405) text += "Allow: GET, HEAD\r\n";
   if (answer.topic.empty()) text += fmt::format("Content-Length: {}\r\n", body.size());
   text += "\r\n";
-  if (with_body) text += body;
   return text;
 }
 

@@ -31,6 +31,8 @@ struct HttpAnswer {
   std::shared_ptr<const std::string> shared =
       {};                   // the body where many clients get the same; `body` is empty
   std::string etag = {};    // empty: not to be kept
+  bool lasting = false;     // its address will never mean anything else
+  std::string file = {};    // the name under which a browser saves it; empty: it shows it
   std::string cookie = {};  // to be set; empty: none
   std::string topic = {};   // not empty: a stream of events, which begins with `body` and stays open
 };
@@ -42,6 +44,8 @@ struct ParsedRequest {
 };
 ParsedRequest parse_request(std::string_view text);
 
+// Without the body.
+std::string head_text(const HttpAnswer& answer);
 // With the body unless it is the answer to HEAD.
 std::string to_text(const HttpAnswer& answer, bool with_body = true);
 

@@ -44,7 +44,9 @@ constexpr std::size_t kMaxPeerStreams = 16;             // of one client
 constexpr std::size_t kMaxStreamBytes = 4 << 20;        // that a stream's client has not taken
 constexpr auto kRequestTime = std::chrono::seconds(2);  // from connection to the whole request
 constexpr auto kAnswerTime = std::chrono::seconds(10);  // from there until the client has taken the answer
+constexpr double kSlowBytes = 64 << 10;  // a second, that a client of a large answer takes at least
 constexpr auto kLaterTime = std::chrono::seconds(60);   // for an answer that reads files
+constexpr std::size_t kMostAtOnce = 4 << 20;            // of a large answer, before others have their turn
 constexpr auto kStreamTime = std::chrono::seconds(15);  // to take what was sent; then a sign of life
 constexpr auto kPause = std::chrono::milliseconds(50);  // after an error of accept() that will pass
 
@@ -96,8 +98,10 @@ class Server final : public HttpServer {
     std::uint64_t id = 0;
     Descriptor socket;
     Clock::time_point deadline;
-    std::string in, out;  // out: empty until there is an answer
-    std::size_t sent = 0;
+    std::string in, out;                             // out: empty until there is an answer
+    std::shared_ptr<const std::string> shared = {};  // what follows `out`
+    std::size_t sent = 0;                            // of both
+    std::size_t size() const { return out.size() + (shared ? shared->size() : 0); }
     bool waits = false;  // the page answers later
     bool head = false;
     std::string topic = {};  // of a stream
@@ -132,7 +136,7 @@ class Server final : public HttpServer {
       auto next = Clock::now() + std::chrono::hours(1);
       for (const Connection& c : connections_) {
         // Of a stream and of a client that waits, what comes is the end of the connection.
-        const bool writes = c.sent < c.out.size();
+        const bool writes = c.sent < c.size();
         polled.push_back({c.socket.get(), static_cast<short>(writes ? POLLOUT : POLLIN), 0});
         next = std::min(next, c.deadline);
       }
@@ -230,7 +234,13 @@ class Server final : public HttpServer {
       c.topic = answer.topic;
       page_->opened(c.topic);
     }
-    c.out = to_text(answer, !c.head);
+    if (!answer.shared || c.head) {
+      c.out = to_text(answer, !c.head);
+      return;
+    }
+    c.out = head_text(answer);
+    c.shared = answer.shared;
+    c.deadline += std::chrono::seconds(static_cast<int>(static_cast<double>(c.shared->size()) / kSlowBytes));
   }
 
   // Why the connection cannot be a stream; empty: it can. Where all places are taken, the newest stream of
@@ -314,8 +324,13 @@ class Server final : public HttpServer {
         c.deadline = Clock::now() + kLaterTime;
       }
     }
-    while (c.sent < c.out.size()) {
-      const ssize_t n = ::send(c.socket.get(), c.out.data() + c.sent, c.out.size() - c.sent, MSG_NOSIGNAL);
+    const std::size_t turn = c.sent + kMostAtOnce;
+    while (c.sent < c.size()) {
+      if (c.sent >= turn) return;
+      const bool head = c.sent < c.out.size();
+      const std::string_view rest = head ? std::string_view(c.out).substr(c.sent)
+                                         : std::string_view(*c.shared).substr(c.sent - c.out.size());
+      const ssize_t n = ::send(c.socket.get(), rest.data(), rest.size(), MSG_NOSIGNAL);
       if (n < 0 && errno == EINTR) continue;
       if (n < 0 && errno == EAGAIN) return;
       if (n < 0) {

@@ -91,6 +91,7 @@ LivePage::LivePage(Farm& farm, PageOptions options, Out out)
       start_(random_id("m", 10)),
       picture_memory_(farm.memory_limit() / kPictureMemoryShare) {
   thread_ = std::thread([this] { run(); });
+  save_thread_ = std::thread([this] { run_saves(); });
 }
 
 LivePage::~LivePage() {
@@ -99,7 +100,9 @@ LivePage::~LivePage() {
     stopping_ = true;
   }
   wake_.notify_all();
+  save_wake_.notify_all();
   thread_.join();
+  save_thread_.join();
 }
 
 std::optional<HttpAnswer> LivePage::answer(const HttpRequest& request, std::uint64_t connection) {
@@ -199,10 +202,11 @@ std::optional<HttpAnswer> LivePage::answer_api(const HttpRequest& request, std::
       for (const auto& [id, row] : worker_rows()) rows.push_back(row);
       return json_answer("{\"workers\":" + json_array(rows) + "}");
     });
+  if (path == "throughput") return later(connection, [this] { return json_answer(throughput_json()); });
   const std::size_t slash = path.find('/');
   const std::string_view folder = path.substr(0, slash);
   if (slash == std::string_view::npos || (folder != "jobs" && folder != "workers"))
-    return error_answer(404, "there are farm, jobs, workers and stream below /api");
+    return error_answer(404, "there are farm, jobs, workers, throughput and stream below /api");
   const std::string rest(path.substr(slash + 1));
   const std::string id = rest.substr(0, rest.find('/'));
   const std::string part = id.size() == rest.size() ? "" : rest.substr(id.size() + 1);
@@ -213,8 +217,9 @@ std::optional<HttpAnswer> LivePage::answer_api(const HttpRequest& request, std::
   }
   if (part == "tile") return tile(request, id);
   if (part == "pixel") return pixel(request, id);
-  if (part != "" && part != "details" && part != "name")
-    return error_answer(404, "a job has name, details, tile and pixel");
+  const bool exr = part == "image.exr", png = part == "image.png", thumb = part == "thumbnail";
+  if (part != "" && part != "details" && part != "name" && !exr && !png && !thumb)
+    return error_answer(404, "a job has name, details, thumbnail, image.exr, image.png, tile and pixel");
   if (part == "name") {
     const auto name = farm_.with_scheduler([&](Scheduler& s) -> std::optional<std::string> {
       const Job* job = s.job(id);
@@ -224,6 +229,8 @@ std::optional<HttpAnswer> LivePage::answer_api(const HttpRequest& request, std::
   }
   if (!farm_.with_scheduler([&](Scheduler& s) { return s.job(id) != nullptr; }))
     return error_answer(404, "no such job");
+  if (thumb) return thumbnail(request, id, connection);
+  if (exr || png) return download(request, id, png, connection);
   return later(connection, [this, id, part] {
     if (part == "details") return json_answer(details_of(id));
     const auto status = farm_.full_status(id);

@@ -1,7 +1,7 @@
 // The live page: routes, streams of events, and controls. docs/decisions/050-the-page.md
 //
 // answer() runs on the thread of the server and neither waits nor computes for long. Whatever reads a film,
-// the store or many rows runs on a thread of the page, once for all viewers, and takes at most 1.6 %
+// the store or many rows runs on a thread of the page, once for all viewers, and takes at most 2.4 %
 // of a core.
 #pragma once
 
@@ -20,6 +20,8 @@
 #include "common/base/result.h"
 #include "master/http/http_message.h"
 #include "master/http/pictures.h"
+#include "master/http/thumbnails.h"
+#include "master/http/wall.h"
 #include "master/jobs/image_memory.h"
 
 namespace candela::master {
@@ -65,6 +67,7 @@ class LivePage {
     int viewers = 0;
     std::map<std::string, std::string> sent;  // by kind of event: the last one, for who comes later
     Budget status, details, picture;
+    bool listed = false;           // of the farm: the page knows the lines that viewers have by GET
     std::uint64_t iterations = 0;  // of the picture that was sent
     std::shared_ptr<Picture> picture_made;
   };
@@ -76,6 +79,16 @@ class LivePage {
   HttpAnswer open_stream(const HttpRequest& request);
   HttpAnswer tile(const HttpRequest& request, const std::string& job_id);
   HttpAnswer pixel(const HttpRequest& request, const std::string& job_id);
+  // live_page_images.cpp
+  std::optional<HttpAnswer> thumbnail(const HttpRequest& request, const std::string& id,
+                                      std::uint64_t connection);
+  static HttpAnswer png_answer(const Thumbnails& made, bool large, const std::string& revision);
+  void make_wanted_thumbnails();
+  bool make_thumbnail(const std::string& id);
+  std::optional<HttpAnswer> download(const HttpRequest& request, const std::string& id, bool png,
+                                     std::uint64_t connection);
+  HttpAnswer image_file(const std::string& id, bool png, double exposure, std::shared_ptr<int> turn);
+  void run_saves();
   bool is_token(std::string_view given) const;  // one of both
   bool may_read(const HttpRequest& request) const;
   HttpAnswer log_in(const HttpRequest& request) const;
@@ -96,11 +109,16 @@ class LivePage {
                                               std::uint64_t indices);
   void refresh();
   void refresh_farm();
+  void refresh_running_jobs();
+  void look_at_farm();
   void refresh_worker(const std::string& topic, const std::string& id);
   void refresh_picture(const std::string& topic, const std::string& id, bool error);
   std::string details_of(const std::string& id);
   void send(const std::string& topic, const std::string& kind, std::string data);
+  void tell_changed(const std::string& kind, const std::vector<std::string>& rows);
   Rows job_rows();
+  Rows rows_of(const std::vector<std::string>& job_ids);
+  std::string throughput_json() const;
   Rows worker_rows();
   HttpAnswer list_jobs(const std::map<std::string, std::string>& query);
   HttpAnswer change(const std::string& id, const std::string& verb,
@@ -120,10 +138,21 @@ class LivePage {
   std::deque<Task> tasks_ CANDELA_GUARDED_BY(mutex_);
   std::map<std::string, Topic> topics_ CANDELA_GUARDED_BY(mutex_);
   Rows jobs_ CANDELA_GUARDED_BY(mutex_), workers_ CANDELA_GUARDED_BY(mutex_);  // as last sent
+  std::deque<Task> saves_ CANDELA_GUARDED_BY(mutex_);                          // downloads
+  std::condition_variable save_wake_;
 
   ImageMemory picture_memory_;  // of pictures that are kept or shown
-  std::list<Kept> kept_;        // the last made first; of the thread of the page alone
-  std::thread thread_;
+  ThumbnailMemory thumbnails_;
+  const std::shared_ptr<int> downloads_ = std::make_shared<int>(0);  // one more owner for each under way
+  // Of the thread of the page alone:
+  std::list<Kept> kept_;                                     // the last made first
+  std::deque<std::string> wanted_;                           // jobs whose thumbnails are to be made
+  double thumbnail_credit_ = 0, thumbnail_credited_ = -1e9;  // seconds
+  std::map<std::string, JobState> states_;                   // of the lines in jobs_
+  FarmHistory history_;
+  FarmPoint newest_;
+  double look_at_ = 0;
+  std::thread thread_, save_thread_;
 };
 
 }  // namespace candela::master

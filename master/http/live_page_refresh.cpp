@@ -18,14 +18,17 @@
 namespace candela::master {
 namespace {
 
-// Of one core, in all three at most 1.6 %, whatever is open: what costs more comes less often.
+// Of one core, in all four at most 1.6 %, whatever is open: what costs more comes less often. (Thumbnails:
+// live_page_images.cpp.)
 constexpr double kRowsShare = 0.004, kStatusShare = 0.002, kDetailsShare = 0.002, kPictureShare = 0.008;
+constexpr double kLookShare = 0.001;  // of looks at the farm that only its viewers need
 constexpr double kRowsPause = 1, kStatusPause = 1, kDetailsPause = 3, kPicturePause = 2;  // seconds at least
 constexpr std::size_t kRowsUnderLock = 50;
 constexpr std::uint32_t kMaxEvents = 200;
 constexpr std::size_t kMaxListed = 500;
 constexpr std::uint64_t kMaxShareUnits = 200000;  // of a job; beyond it the shares are not told
 constexpr auto kRound = std::chrono::milliseconds(250);
+constexpr double kLookSeconds = 5;  // between looks at the farm while somebody has the list open
 
 }  // namespace
 
@@ -59,8 +62,10 @@ void LivePage::run() {
     {
       Lock lock(mutex_);
       const auto ready = [this]() CANDELA_REQUIRES(mutex_) { return stopping_ || !tasks_.empty(); };
-      if (topics_.empty())
-        wake_.wait(lock, [&]() CANDELA_REQUIRES(mutex_) { return ready() || !topics_.empty(); });
+      if (topics_.empty() && wanted_.empty())
+        wake_.wait_for(
+            lock, std::chrono::duration<double>(std::max(history_.next_seconds() - farm_.now().seconds, 0.0)),
+            [&]() CANDELA_REQUIRES(mutex_) { return ready() || !topics_.empty(); });
       else
         wake_.wait_for(lock, kRound, ready);
       if (stopping_) return;
@@ -68,7 +73,10 @@ void LivePage::run() {
     }
     try {
       for (const Task& task : tasks) task();
-      if (!farm_.stopping()) refresh();
+      look_at_farm();
+      if (farm_.stopping()) continue;
+      refresh();
+      make_wanted_thumbnails();
     } catch (const std::bad_alloc&) {
       kept_.clear();
       log::warn("the page is behind: out of memory");
@@ -101,7 +109,8 @@ void LivePage::refresh() {
     const std::size_t slash = name.find('/');
     const std::string id = slash == std::string::npos ? "" : name.substr(slash + 1);
     if (id.empty()) {
-      run_if_due(&Topic::status, kRowsPause, kRowsShare, [&] { refresh_farm(); });
+      run_if_due(&Topic::details, kRowsPause, kRowsShare / 2, [&] { refresh_farm(); });
+      run_if_due(&Topic::status, kRowsPause, kRowsShare / 2, [&] { refresh_running_jobs(); });
     } else if (name.starts_with("worker/")) {
       run_if_due(&Topic::details, kDetailsPause, kDetailsShare, [&] { refresh_worker(name, id); });
     } else {
@@ -149,14 +158,19 @@ LivePage::Rows LivePage::job_rows() {
   const auto newest = ended.begin() + static_cast<std::ptrdiff_t>(std::min(ended.size(), kMaxListed));
   std::partial_sort(ended.begin(), newest, ended.end());
   for (auto it = ended.begin(); it != newest; ++it) chosen.insert(it->second);
-  const std::vector<std::string> ids(chosen.begin(), chosen.end());
+  return rows_of({chosen.begin(), chosen.end()});
+}
+
+LivePage::Rows LivePage::rows_of(const std::vector<std::string>& job_ids) {
   Rows rows;
-  for (std::size_t i = 0; i < ids.size(); i += kRowsUnderLock)
+  for (std::size_t i = 0; i < job_ids.size(); i += kRowsUnderLock)
     farm_.with_scheduler([&](Scheduler& s) {
       const Now t = farm_.now();
-      for (std::size_t k = i; k < std::min(i + kRowsUnderLock, ids.size()); ++k)
-        if (const auto job = s.jobs().find(ids[k]); job != s.jobs().end())
-          rows.emplace(ids[k], job_line_json(s, job->second, t));
+      for (std::size_t k = i; k < std::min(i + kRowsUnderLock, job_ids.size()); ++k)
+        if (const auto job = s.jobs().find(job_ids[k]); job != s.jobs().end()) {
+          rows.emplace(job_ids[k], job_line_json(s, job->second, t));
+          states_[job_ids[k]] = job->second.row.state;
+        }
     });
   return rows;
 }
@@ -178,9 +192,21 @@ LivePage::Rows LivePage::worker_rows() {
   return rows;
 }
 
-// Rows that are new or differ, and the ids of those that are gone. Who comes later has the lists by GET.
+void LivePage::tell_changed(const std::string& kind, const std::vector<std::string>& rows) {
+  if (!rows.empty()) out_.publish("farm", fmt::format("event: {}\ndata: {}\n\n", kind, json_array(rows)));
+}
+
+// Rows that are new or differ, and the ids of those that are gone. The lists themselves come by GET, after
+// the stream is open: the first rows are not told.
 void LivePage::refresh_farm() {
-  const auto publish = [&](const char* kind, Rows now, Rows LivePage::*last) {
+  bool tell = false;
+  {
+    const Lock lock(mutex_);
+    const auto it = topics_.find("farm");
+    if (it == topics_.end()) return;
+    tell = std::exchange(it->second.listed, true);
+  }
+  const auto publish = [&](const std::string& kind, Rows now, Rows LivePage::*last) {
     std::vector<std::string> changed, gone;
     {
       const Lock lock(mutex_);
@@ -191,13 +217,69 @@ void LivePage::refresh_farm() {
         if (!now.contains(id)) gone.push_back(json_string(id));
       this->*last = std::move(now);
     }
-    if (!changed.empty())
-      out_.publish("farm", fmt::format("event: {}\ndata: {}\n\n", kind, json_array(changed)));
-    if (!gone.empty())
-      out_.publish("farm", fmt::format("event: {}-gone\ndata: {}\n\n", kind, json_array(gone)));
+    if (!tell) return;
+    tell_changed(kind, changed);
+    tell_changed(kind + "-gone", gone);
   };
+  states_.clear();
   publish("jobs", job_rows(), &LivePage::jobs_);
   publish("workers", worker_rows(), &LivePage::workers_);
+}
+
+// Between two rounds over all: jobs that run, that are new, or whose state is another.
+void LivePage::refresh_running_jobs() {
+  std::vector<std::string> ids = farm_.with_scheduler([&](Scheduler& s) {
+    std::vector<std::string> out;
+    for (const auto& [id, job] : s.jobs()) {
+      const JobState state = job.row.state;
+      const auto known = states_.find(id);
+      if (state == JobState::running || (known == states_.end() ? !has_ended(state) : known->second != state))
+        out.push_back(id);
+    }
+    return out;
+  });
+  Rows now = rows_of(ids);
+  std::vector<std::string> changed;
+  {
+    const Lock lock(mutex_);
+    const auto it = topics_.find("farm");
+    if (it == topics_.end() || !it->second.listed) return;
+    for (auto& [id, row] : now) {
+      std::string& last = jobs_[id];
+      if (last == row) continue;
+      changed.push_back(row);
+      last = std::move(row);
+    }
+  }
+  tell_changed("jobs", changed);
+}
+
+void LivePage::look_at_farm() {
+  bool watched = false;
+  {
+    const Lock lock(mutex_);
+    watched = topics_.contains("farm");
+  }
+  const Now now = farm_.now();
+  if (now.seconds < history_.next_seconds() && (!watched || now.seconds < look_at_)) return;
+  const double before = thread_cpu_seconds();
+  newest_ = farm_.with_scheduler([&](Scheduler& s) { return history_.look(s, now); });
+  look_at_ = now.seconds + std::max(kLookSeconds, (thread_cpu_seconds() - before) / kLookShare);
+  const bool kept = history_.keep_if_due(newest_, now);
+  if (watched)
+    out_.publish("farm",
+                 fmt::format("event: throughput\ndata: {}\n\n",
+                             JsonObject().flag("kept", kept).json("point", point_json(newest_)).text()));
+}
+
+std::string LivePage::throughput_json() const {
+  std::vector<std::string> points;
+  for (const FarmPoint& point : history_.points()) points.push_back(point_json(point));
+  return JsonObject()
+      .number("step_seconds", static_cast<std::int64_t>(FarmHistory::kStepSeconds))
+      .json("points", json_array(points))
+      .json("now", newest_.unix_ms > 0 ? point_json(newest_) : "null")
+      .text();
 }
 
 HttpAnswer LivePage::list_jobs(const std::map<std::string, std::string>& query) {
@@ -208,19 +290,30 @@ HttpAnswer LivePage::list_jobs(const std::map<std::string, std::string>& query) 
       return error_answer(400, "offset must be an integer");
     offset = static_cast<std::size_t>(std::stoul(it->second));
   }
-  // The newest first.
-  auto order = farm_.with_scheduler([](Scheduler& s) {
-    std::vector<std::pair<std::int64_t, std::string>> out;
-    for (const auto& [id, job] : s.jobs()) out.emplace_back(-job.row.submitted_unix_ms, id);
-    return out;
+  const auto wanted = query.find("order");
+  if (wanted != query.end() && wanted->second != "wall")
+    return error_answer(400, "order must be wall, or missing: the newest first");
+  bool unlisted = false;
+  {
+    const Lock lock(mutex_);
+    const auto it = topics_.find("farm");
+    unlisted = it != topics_.end() && !it->second.listed;
+  }
+  if (unlisted) refresh_farm();  // so that what changes after this answer is told
+  const bool wall = wanted != query.end();
+  std::vector<WallPlace> places = farm_.with_scheduler([&](Scheduler& s) {
+    if (wall) return wall_places(s);
+    std::vector<WallPlace> newest;
+    for (const auto& [id, job] : s.jobs()) newest.push_back({.age = -job.row.submitted_unix_ms, .id = id});
+    return newest;
   });
-  std::sort(order.begin(), order.end());
+  const std::vector<std::string> order = wall_order(std::move(places));
   std::vector<std::string> rows;
   const std::size_t end = std::min(order.size(), offset + kMaxListed);
   for (std::size_t i = offset; i < end; i += kRowsUnderLock)
     farm_.with_scheduler([&](Scheduler& s) {
       for (std::size_t k = i; k < std::min(i + kRowsUnderLock, end); ++k)
-        if (const Job* job = s.job(order[k].second)) rows.push_back(job_line_json(s, *job, farm_.now()));
+        if (const Job* job = s.job(order[k])) rows.push_back(job_line_json(s, *job, farm_.now()));
     });
   return {.type = "application/json",
           .body = JsonObject()

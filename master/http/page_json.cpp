@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "common/base/text.h"
+#include "master/http/thumbnails.h"
 
 namespace candela::master {
 
@@ -61,6 +62,7 @@ JsonObject& JsonObject::json(std::string_view name, std::string_view value) {
 std::string job_line_json(const Scheduler& scheduler, const Job& job, Now now) {
   const JobRow& r = job.row;
   const std::uint64_t iterations = r.iterations_of(r.iterations);
+  const std::string thumbnail = thumbnail_revision(job);
   // A value of 0 that means "not set" or "not known yet" becomes null.
   const auto known = [](bool is, double value) { return is ? value : std::nan(""); };
   return JsonObject()
@@ -82,8 +84,19 @@ std::string job_line_json(const Scheduler& scheduler, const Job& job, Now now) {
       .add("elapsed_seconds", std::floor(r.elapsed_seconds))
       .add("eta_seconds", std::ceil(scheduler.eta_seconds(job, now)))
       .json("submitted_unix_ms", r.submitted_unix_ms > 0 ? std::to_string(r.submitted_unix_ms) : "null")
+      .json("finished_unix_ms",
+            has_ended(r.state) && r.finished_unix_ms > 0 ? std::to_string(r.finished_unix_ms) : "null")
       .add("message", scheduler.message_of(job, now))
+      .count("workers", job.under_way)
+      .add("turn", turn_of(job).value_or(std::nan("")))
+      .json("thumbnail", thumbnail.empty() ? "null" : json_string(thumbnail))
       .text();
+}
+
+std::string point_json(const FarmPoint& p) {
+  const auto number = [](double v) { return std::isfinite(v) ? fmt::format("{:.5g}", v) : "null"; };
+  return fmt::format("[{},{},{},{},{},{}]", p.unix_ms, number(p.samples_per_second), p.load.busy,
+                     p.load.workers, number(p.load.queue_seconds), p.load.endless);
 }
 
 std::string worker_line_json(const Scheduler& scheduler, const WorkerState& w, Now now) {

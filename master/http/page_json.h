@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "master/http/wall.h"
 #include "master/jobs/convergence.h"
 #include "master/jobs/job_status.h"
 #include "master/scheduler/scheduler.h"
@@ -36,10 +37,13 @@ std::string json_array(const std::vector<std::string>& values);  // each is JSON
 // Lines of the lists, of which there may be thousands: the fields of wire::page_json() that a list shows,
 // under the same names. Seconds are whole, so that a line changes when there is something to see.
 // Precondition: the lock of the scheduler is held.
+// A job has three fields more: `workers` that render it, `turn` (turn_of()), and `thumbnail`, its revision.
 std::string job_line_json(const Scheduler& scheduler, const Job& job, Now now);
 std::string worker_line_json(const Scheduler& scheduler, const WorkerState& worker, Now now);
 
 std::string events_page_json(const std::vector<EventRow>& events);
+// [unix_ms, samples_per_second, busy, workers, queue_seconds, endless]
+std::string point_json(const FarmPoint& point);
 std::string convergence_json(const std::vector<ConvergencePoint>& points);
 
 }  // namespace candela::master

@@ -92,9 +92,10 @@ TEST_F(SchedulerFixture, RaisedPriorityGetsTheNextLease) {
   EXPECT_FALSE(s->set_priority("a", 5, now()).ok());
 }
 
-// Each field of a line is one of the page, with its value; seconds are whole.
+// Each field of a line is one of the page, with its value; seconds are whole. Three are of the list alone.
 void expect_part(const nlohmann::json& line, const nlohmann::json& page) {
   for (const auto& [name, value] : line.items()) {
+    if (name == "workers" || name == "turn" || name == "thumbnail") continue;
     ASSERT_TRUE(page.contains(name)) << name;
     if (value.is_object())
       expect_part(value, page.at(name));
