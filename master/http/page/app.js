@@ -1,60 +1,13 @@
-// The pages: jobs, one job, workers, one worker.
-import {bar, bytes, count, duration, h, progress, put, small, when} from './dom.js';
+// The pages: one job, workers, one worker (jobs: jobs.js), and which of them is shown.
+import {bar, bytes, count, duration, h, progress, prose, put, small, when} from './dom.js';
+import {jobsPage} from './jobs.js';
+import {ask, badge, connected, link, namedJobLink, plural, saveLink, workerLink} from './parts.js';
 import {get, logIn, onToken, post, setToken, stream, unlocked} from './net.js';
 import {chart} from './chart.js';
 import {Viewer} from './viewer.js';
 
 const main = document.getElementById('main');
-const live = document.getElementById('live');
-const dialog = document.getElementById('dialog');
 let controls = false;
-
-function connection(text, bad) {
-  put(live, text);
-  live.classList.toggle('bad', bad);
-}
-const connected = {
-  lost: () => connection('Connection lost, trying again', true),
-  found: () => connection('Live', false),
-};
-
-const plural = (n, thing) => n + ' ' + thing + (n === 1 ? '' : 's');
-const link = (path, text) => h('a', {href: path}, text);
-const jobLink = (id, text = id) => link('/jobs/' + encodeURIComponent(id), text);
-// A job's link has its name as soon as the master has told it, once for each job.
-const names = new Map();
-function namedJobLink(id) {
-  const a = jobLink(id);
-  if (!names.has(id)) names.set(id, get('/api/jobs/' + encodeURIComponent(id) + '/name').then((j) => j.name, () => ''));
-  names.get(id).then((name) => put(a, name || id));
-  return a;
-}
-const workerLink = (id, text = id) => link('/workers/' + encodeURIComponent(id), text);
-const badge = (state) => h('span', {class: 'badge ' + state}, state);
-
-// A question with fields and a button. ask({...}, async (values) => ...): an error that it throws is shown.
-function ask({title, text, fields = [], action, danger}, act) {
-  const inputs = fields.map((f) => h('input', {id: 'field-' + f.name, name: f.name, type: f.type || 'text', autocomplete: 'off', inputmode: f.inputmode, value: f.value}));
-  const trouble = h('p', {class: 'trouble', role: 'alert'});
-  const close = () => dialog.close();
-  const go = async () => {
-    put(trouble, '');
-    try {
-      await act(Object.fromEntries(inputs.map((i) => [i.name, i.value.trim()])));
-      close();
-    } catch (e) {
-      put(trouble, e.message);
-    }
-  };
-  dialog.replaceChildren(
-      h('h2', {id: 'dialog-title'}, title), text ? h('p', {}, text) : null,
-      ...fields.map((f, i) => h('div', {class: 'field'}, h('label', {for: 'field-' + f.name}, f.label), inputs[i])), trouble,
-      h('div', {class: 'buttons'}, h('button', {type: 'button', onclick: close}, 'Back'),
-          h('button', {type: 'button', class: danger ? 'danger' : 'primary', id: 'dialog-go', onclick: go}, action)));
-  for (const i of inputs) i.addEventListener('keydown', (e) => { if (e.key === 'Enter') { e.preventDefault(); go(); } });
-  dialog.showModal();
-  if (inputs.length) inputs[0].focus();
-}
 
 const unlock = document.getElementById('unlock');
 unlock.addEventListener('click', () => {
@@ -117,7 +70,7 @@ class Rows {
 
 function table(caption, heads) {
   const body = h('tbody');
-  return {body, element: h('table', {}, h('caption', {class: 'hidden'}, caption), h('thead', {}, h('tr', {}, ...heads.map((t) => h('th', {scope: 'col'}, t)))), body)};
+  return {body, element: h('table', {}, h('caption', {class: 'hidden'}, caption), h('thead', {}, h('tr', {}, ...heads.map((t) => h('th', {scope: 'col'}, t || h('span', {class: 'hidden'}, 'Control'))))), body)};
 }
 
 function cells(labels) {
@@ -137,73 +90,6 @@ function filterBox(label, rows, text) {
     put(shown, wanted ? n + ' shown' : '');
   };
   return {element: h('div', {class: 'filter'}, box, shown), apply};
-}
-
-const kOrder = {running: 0, paused: 1, queued: 2};
-
-async function jobsPage() {
-  document.title = 'Jobs – Candela';
-  const {body, element} = table('Jobs of this farm, running ones first', ['Job', 'State', 'Progress', 'Error', 'Iterations', 'Time', 'Left', 'Priority']);
-  const rows = new Rows(body, (d) => {
-    const [name, state, done, error, iterations, time, left, priority] = cells(['Job', 'State', 'Progress', 'Error', 'Iterations', 'Time', 'Left', 'Priority']);
-    const a = jobLink(d.id, d.name || d.id), note = h('span', {class: 'note'}), mark = badge(d.state), meter = bar('Progress of ' + (d.name || d.id)), percent = h('span', {class: 'note'});
-    name.append(a, note);
-    state.append(mark);
-    done.append(meter, percent);
-    const row = h('tr', {}, name, state, done, error, iterations, time, left, priority);
-    return {element: row, update: (j) => {
-      put(a, j.name || j.id);
-      put(note, j.settings.integrator + ' · ' + j.id + (j.submitter ? ' · ' + j.submitter : '') + (j.message ? ' · ' + j.message : ''));
-      put(mark, j.state);
-      mark.className = 'badge ' + j.state;
-      const p = j.state === 'done' ? 1 : progress(j);
-      meter.hidden = p === null;
-      meter.value = p || 0;
-      put(percent, p === null ? 'no limit' : Math.floor(100 * p) + ' %');
-      put(error, small(j.error));
-      put(iterations, count(j.iterations));
-      put(time, duration(j.elapsed_seconds));
-      put(left, j.state === 'running' ? duration(j.eta_seconds) : '–');
-      put(priority, String(j.priority));
-    }};
-  }, (j) => [kOrder[j.state] ?? 3, -j.submitted_unix_ms, j.id]);
-  const filter = filterBox('Find a job', () => rows.rows, (j) => j.name + ' ' + j.id + ' ' + j.state + ' ' + j.settings.integrator + ' ' + j.submitter);
-  const summary = h('p', {class: 'summary', role: 'status'});
-  let total = 0;
-  const more = h('button', {type: 'button', hidden: true, onclick: () => load(rows.rows.size)}, 'Older jobs');
-  const none = h('p', {class: 'empty', hidden: true}, 'There are no jobs. Submit one with: candela submit SCENE.xml --spp 256');
-  main.replaceChildren(h('h1', {}, 'Jobs'), summary, filter.element, h('div', {class: 'scroll'}, element), none, more);
-  const refresh = () => {
-    const by = {};
-    for (const r of rows.rows.values()) by[r.data.state] = (by[r.data.state] || 0) + 1;
-    put(summary, plural(total, 'job') + Object.entries(by).map(([s, n]) => `, ${n} ${s}`).join(''));
-    none.hidden = total > 0;
-    element.hidden = total === 0;
-    more.hidden = rows.rows.size >= total;
-    filter.apply();
-  };
-  const load = async (offset) => {
-    const list = await get('/api/jobs?offset=' + offset);
-    total = list.total;
-    if (offset === 0) {  // of jobs as new as these there are no others
-      const listed = new Set(list.jobs.map((j) => j.id)), least = Math.min(...list.jobs.map((j) => j.submitted_unix_ms));
-      rows.remove([...rows.rows.values()].map((r) => r.data).filter((j) => j.submitted_unix_ms >= least && !listed.has(j.id)).map((j) => j.id));
-    }
-    rows.add(list.jobs);
-    refresh();
-  };
-  const oldest = () => Math.min(...[...rows.rows.values()].map((r) => r.data.submitted_unix_ms));
-  await load(0);
-  return stream('', {
-    jobs: (data) => {
-      const limit = rows.rows.size && rows.rows.size < total ? oldest() : -Infinity;
-      const fresh = data.filter((j) => rows.rows.has(j.id) || j.submitted_unix_ms >= limit);
-      total += fresh.filter((j) => !rows.rows.has(j.id)).length;
-      rows.add(fresh);
-      refresh();
-    },
-    'jobs-gone': (ids) => { rows.drop(ids); load(0); },
-  }, {...connected, again: () => load(0)});
 }
 
 async function workersPage() {
@@ -287,7 +173,7 @@ async function jobPage(id) {
   const path = '/api/jobs/' + encodeURIComponent(id);
   const first = await get(path);
   const title = h('h1', {}), state = badge('queued'), message = h('p', {class: 'message', role: 'status'}), meter = bar('Progress'), percent = h('span', {class: 'percent'});
-  const {list, nodes} = figures([['left', 'Time left'], ['error', 'Estimated relMSE'], ['iterations', 'Iterations'], ['rate', 'Samples a second'], ['elapsed', 'Time rendering'], ['worker', 'Worker time'], ['leased', 'Units under way'], ['memory', 'Largest worker'], ['priority', 'Priority'], ['rejected', 'Rejected samples']]);
+  const {list, nodes} = figures([['left', 'Time left'], ['error', 'Estimated relMSE'], ['iterations', 'Iterations'], ['rate', 'Samples/s'], ['elapsed', 'Render time'], ['worker', 'Time of all workers'], ['leased', 'Units under way'], ['memory', 'Memory of a worker'], ['priority', 'Priority'], ['rejected', 'Rejected samples']]);
   const act = (verb, values) => post(`${path}/${verb}`, values);
   const say = async (f) => { try { await f(); } catch (e) { ask({title: 'It did not work', text: e.message, action: 'Well'}, async () => {}); } };
   const buttons = {
@@ -312,7 +198,7 @@ async function jobPage(id) {
     plotted = key;
     const {svg, text} = chart(job, convergence, axis);
     plot.replaceChildren(...(svg ? [svg] : []));
-    put(plotText, text);
+    prose(plotText, text);
   };
   const shares = h('div', {}), events = h('div', {}), plan = h('pre', {tabindex: 0, 'aria-label': 'Plan'}), settings = h('dl', {class: 'settings'});
   const chains = section('Markov chains'), epochs = section('Epochs');
@@ -321,8 +207,11 @@ async function jobPage(id) {
   chains.append(chainFacts, groups);
   epochs.append(epochFacts, epochTable);
   const stage = h('div', {class: 'stagebox'});
+  // The PNG is exposed as the picture is.
+  const png = saveLink(first, 'png'), saves = h('span', {class: 'saves'}, 'Save ', saveLink(first, 'exr'), ' ', png);
+  png.addEventListener('click', () => png.setAttribute('href', `/api/jobs/${encodeURIComponent(id)}/image.png` + (viewer?.kind === 'image' && viewer.exposure ? '?exposure=' + viewer.exposure : '')));
   main.replaceChildren(
-      h('div', {class: 'jobhead'}, h('div', {}, title, state), h('div', {class: 'buttons'}, ...Object.values(buttons))), message,
+      h('div', {class: 'jobhead'}, h('div', {}, title, state, saves), h('div', {class: 'buttons'}, ...Object.values(buttons))), message,
       h('div', {class: 'overall'}, meter, percent),
       h('div', {class: 'columns'}, h('div', {class: 'side'}, stage, section('Events', events)),
           h('div', {class: 'side'}, list, section('Convergence', h('div', {class: 'switch', role: 'group', 'aria-label': 'Horizontal axis'}, choose('iterations', 'Iterations'), choose('seconds', 'Time')), plot, plotText, luck), section('Workers’ share', shares))),
@@ -338,9 +227,10 @@ async function jobPage(id) {
     const p = j.state === 'done' ? 1 : progress(j);
     meter.hidden = p === null;
     meter.value = p || 0;
+    saves.hidden = !j.iterations;
     put(percent, p === null ? 'No limit is set' : Math.floor(100 * p) + ' %');
     put(nodes.left, j.state === 'running' ? duration(j.eta_seconds) : '–');
-    put(nodes.error, small(j.error) + (j.error_upper ? ', at most ' + small(j.error_upper) : ''));
+    prose(nodes.error, small(j.error) + (j.error_upper ? ', at most ' + small(j.error_upper) : ''));
     put(nodes.iterations, count(j.iterations) + (j.iterations_asked ? ' of ' + count(j.iterations_asked) : ''));
     put(nodes.rate, count(j.samples_per_second));
     put(nodes.elapsed, duration(j.elapsed_seconds) + (j.stop.time_seconds ? ' of ' + duration(j.stop.time_seconds) : ''));
@@ -368,7 +258,7 @@ async function jobPage(id) {
     chains.hidden = !j.chains;
     if (j.chains) {
       const c = j.chains;
-      put(chainFacts, `${count(c.chains)} chains; bootstrap ${count(c.bootstrap_done)} of ${count(c.bootstrap_samples)} samples; ` + (c.b === null ? 'b is not known yet' : `b = ${small(c.b)} ± ${small(c.b_standard_error)}`));
+      prose(chainFacts, `${count(c.chains)} chains; bootstrap ${count(c.bootstrap_done)} of ${count(c.bootstrap_samples)} samples; ` + (c.b === null ? 'b is not known yet' : `b = ${small(c.b)} ± ${small(c.b_standard_error)}`));
       groups.replaceChildren(...c.groups.map((g, i) => h('span', {}, h('b', {}, String(i)), ' ', g.mutations ? Math.round((100 * g.accepted) / g.mutations) + ' %' : '–', h('small', {}, 'stay ' + count(g.longest_stay)))));
     }
     epochs.hidden = !j.epochs;
@@ -431,14 +321,20 @@ async function workerPage(id) {
   return stream('worker=' + encodeURIComponent(id), {worker: show, events: (e) => events.replaceChildren(eventList(e, toJob))}, {...connected, again: () => {}});
 }
 
-// Routes. Links change the page without loading it anew.
-let leave = null, visit = 0;
+// Routes. Links change the page without loading it anew; Back finds the place where one was.
+let shown = null, visit = 0, scrolled = 0;  // shown: what ends the page, or {end, moved}
+history.scrollRestoration = 'manual';
+const remember = () => history.replaceState({...history.state, y: scrollY}, '');
+addEventListener('scroll', () => {
+  if (!scrolled) scrolled = setTimeout(() => { scrolled = 0; remember(); }, 300);
+}, {passive: true});
 async function route() {
-  const mine = ++visit;
-  if (leave) leave();
-  leave = null;
   const path = location.pathname;
-  const page = path === '/' ? jobsPage : path === '/workers' ? workersPage : path.startsWith('/jobs/') ? () => jobPage(decodeURIComponent(path.slice(6))) : () => workerPage(decodeURIComponent(path.slice(9)));
+  if (path === '/' && shown?.moved) return shown.moved();
+  const mine = ++visit;
+  if (shown) (shown.end ?? shown)();
+  shown = null;
+  const page = path === '/' ? () => jobsPage({remember}) : path === '/workers' ? workersPage : path.startsWith('/jobs/') ? () => jobPage(decodeURIComponent(path.slice(6))) : () => workerPage(decodeURIComponent(path.slice(9)));
   for (const a of document.querySelectorAll('[data-nav]')) {
     const here = path.startsWith('/workers') ? 'workers' : 'jobs';
     if (a.dataset.nav === here) a.setAttribute('aria-current', path === '/' || path === '/workers' ? 'page' : 'true');
@@ -446,8 +342,8 @@ async function route() {
   }
   try {
     const end = await page();
-    if (mine === visit) leave = end;
-    else end();
+    if (mine === visit) shown = end;
+    else (end.end ?? end)();
   } catch (e) {
     if (mine !== visit) return;
     if (e.code === 401) return askForToken();
@@ -457,13 +353,19 @@ async function route() {
 }
 document.addEventListener('click', (e) => {
   const a = e.target.closest('a');
-  if (!a || a.origin !== location.origin || a.hash || e.button || e.metaKey || e.ctrlKey || e.shiftKey) return;
+  if (!a || a.origin !== location.origin || a.hash || a.hasAttribute('download') || e.button || e.metaKey || e.ctrlKey || e.shiftKey) return;
   e.preventDefault();
+  remember();
   history.pushState(null, '', a.href);
-  route().then(() => main.focus({preventScroll: true}));
+  Promise.resolve(route()).then(() => main.focus({preventScroll: true}));
   scrollTo(0, 0);
 });
-addEventListener('popstate', route);
+addEventListener('popstate', (e) => {
+  clearTimeout(scrolled);
+  scrolled = 0;
+  const y = e.state?.y ?? 0;
+  Promise.resolve(route()).then(() => scrollTo(0, y));
+});
 
 function askForToken() {
   main.replaceChildren(h('h1', {}, 'Whose farm is this?'), h('p', {}, 'Reading needs the master’s token: the file “token” in its data folder.'),

@@ -18,6 +18,12 @@ export function put(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+// The same of a sentence, in which no number breaks at its minus sign.
+export function prose(element, text) {
+  if (element.textContent === text) return;
+  element.replaceChildren(...text.split(/(\S*\de-\d+)/).map((part, i) => (i % 2 ? h('span', {class: 'whole'}, part) : part)));
+}
+
 export function count(n) {
   if (n === null || n === undefined) return '–';
   if (n < 1e4) return String(Math.round(n));
@@ -45,6 +51,29 @@ export function small(v) {
   if (v === null || v === undefined) return '–';
   if (v === 0) return '0';
   return Math.abs(v) >= 0.01 && Math.abs(v) < 1e4 ? String(Number(v.toPrecision(4))) : String(Number(v.toPrecision(3)).toExponential()).replace('e+', 'e');
+}
+
+// An error, always as 3.22e-3.
+export function figure(v) {
+  return v === null || v === undefined ? '–' : v.toExponential(2).replace('e+', 'e');
+}
+
+// A time left: 0:45, 12:05, 1:05:00, 3 d 4 h.
+export function clock(s) {
+  if (s === null || s === undefined) return '–';
+  const two = (n) => String(Math.floor(n)).padStart(2, '0'), whole = Math.round(s);
+  if (whole >= 86400) return Math.floor(whole / 86400) + '\u00a0d\u00a0' + Math.floor((whole % 86400) / 3600) + '\u00a0h';
+  const rest = two((whole % 3600) / 60) + ':' + two(whole % 60);
+  return whole >= 3600 ? Math.floor(whole / 3600) + ':' + rest : rest.replace(/^0/, '');
+}
+
+const kMonths = ['Jan', 'Feb', 'Mar', 'Apr', 'May', 'Jun', 'Jul', 'Aug', 'Sep', 'Oct', 'Nov', 'Dec'];
+// The time of today, the day and the time, or the day of another year.
+export function shortWhen(ms) {
+  if (!ms) return '–';
+  const t = new Date(ms), two = (n) => String(n).padStart(2, '0'), time = two(t.getHours()) + ':' + two(t.getMinutes());
+  const now = new Date(), day = t.getDate() + '\u00a0' + kMonths[t.getMonth()] + '\u00a0';
+  return t.toDateString() === now.toDateString() ? time : day + (t.getFullYear() === now.getFullYear() ? time : t.getFullYear());
 }
 
 export function when(ms) {

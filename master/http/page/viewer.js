@@ -49,7 +49,7 @@ export class Viewer {
         h('div', {class: 'tools', role: 'toolbar', 'aria-label': 'Picture'}, kinds,
             h('label', {for: 'exposure'}, kind === 'error' ? 'Range' : 'Exposure'), this.slider, this.exposureText,
             h('span', {class: 'group'}, button('−', 'Zoom out', () => this.zoomBy(0.5)), this.zoomText, button('+', 'Zoom in', () => this.zoomBy(2)),
-                button('Fit', 'Fit the picture into the view', () => this.fit()), button('1:1', 'One pixel for one pixel', () => this.zoomTo(1)))),
+                button('Fit', 'Fit the picture into the view', () => this.fit()), button('1:1', '1:1, one pixel for one pixel', () => this.zoomTo(1)))),
         h('div', {class: 'stage'}, this.canvas, this.empty),
         h('figcaption', {}, this.readout, h('span', {id: 'viewer-keys', class: 'keys'}, 'Drag to move, wheel or + − to zoom, 0 to fit, [ ] for exposure, arrows for a pixel')));
     if (kind === 'error')
