@@ -18,12 +18,10 @@ namespace {
 class Wall : public SchedulerFixture {
  protected:
   void add(const std::string& id, std::int32_t priority, std::int64_t submitted) {
-    JobRow r = row(id, 20);
-    r.named_state = NamedState{20};  // as after a pilot
-    r.thread_seconds_per_iteration = 1;
+    JobRow r = row(id, 100);
     r.priority = priority;
     r.submitted_unix_ms = submitted;
-    s->restore(r, {}, {}, {}, {}, now());
+    s->submit(r, now());
   }
   void ended(const std::string& id, JobState state, std::int64_t finished) {
     JobRow r = row(id, 100);
@@ -31,45 +29,7 @@ class Wall : public SchedulerFixture {
     r.finished_unix_ms = finished;
     s->restore(r, {}, {}, {}, {}, now());
   }
-  std::vector<std::string> queued() const {
-    std::vector<std::string> out;
-    for (const std::string& id : wall_order(wall_places(*s)))
-      if (s->job(id)->row.state == JobState::queued) out.push_back(id);
-    return out;
-  }
 };
-
-// Claim: queued jobs are listed in the order in which they get their first leases, by priority, by what they
-// were served before, and by age.
-TEST_F(Wall, QueuedJobsComeAsTheyAreLeased) {
-  worker("w");
-  // Served before, and queued again with a higher virtual time than its rivals.
-  add("served", 0, 1);
-  const auto served = lease("w");
-  ASSERT_TRUE(served);
-  EXPECT_EQ(deliver(*served, unit_of(*served), {}, 2), Delivery::ok);
-  ASSERT_TRUE(s->pause("served", now()).ok());
-  add("old", 0, 10);
-  ASSERT_TRUE(s->resume("served", now()).ok());
-  add("young", 0, 30);
-  add("low", -5, 2);
-  add("urgent", 7, 40);
-  add("middle", 0, 20);
-  const std::vector<std::string> listed = queued();
-  ASSERT_EQ(listed.size(), 6U);
-  std::vector<std::string> leased;
-  for (int i = 0; i < 200 && leased.size() < listed.size(); ++i) {
-    const std::string id = "w" + std::to_string(i);
-    worker(id);
-    const auto l = lease(id);
-    ASSERT_TRUE(l);
-    if (std::find(leased.begin(), leased.end(), l->row.job_id) == leased.end())
-      leased.push_back(l->row.job_id);
-  }
-  EXPECT_EQ(leased, listed);
-  EXPECT_EQ(listed.front(), "urgent");
-  EXPECT_EQ(listed.back(), "low");
-}
 
 // Claim: failed jobs come first, the newest first; then running, queued and paused ones; then those that are
 // done and cancelled, the newest first. Only queued jobs have a turn.
@@ -89,44 +49,6 @@ TEST_F(Wall, StatesComeInTheOrderOfWhatMatters) {
             (std::vector<std::string>{"failed-new", "failed-old", "runs", "waits", "stands", "done-new",
                                       "done-old", "cancelled"}));
   for (const auto& [id, job] : s->jobs()) EXPECT_EQ(turn_of(job).has_value(), id == "waits") << id;
-}
-
-// Claim: the rate is what was merged since the last minute, also by jobs that came or ended in it; what was
-// there before the first look and a film that begins anew do not count.
-TEST_F(Wall, HistoryCountsWhatIsMerged) {
-  worker("w");
-  FarmHistory history;
-  add("a", 0, 1);
-  const auto merge = [&](std::uint64_t samples) {
-    const auto l = lease("w");
-    ASSERT_TRUE(l);
-    film::Tallies tallies;
-    tallies.eye_samples = samples;
-    EXPECT_EQ(deliver(*l, unit_of(*l), tallies, 1), Delivery::ok);
-  };
-  merge(5000);
-  FarmPoint p = history.look(*s, now());
-  EXPECT_FALSE(history.keep_if_due(p, now()));
-  EXPECT_EQ(p.samples_per_second, 0);
-  EXPECT_TRUE(history.points().empty());
-  at(clock + 30);
-  merge(600);
-  p = history.look(*s, now());
-  EXPECT_DOUBLE_EQ(p.samples_per_second, 600 / 30.0);
-  at(clock + 30);
-  ASSERT_TRUE(s->cancel("a", now()).ok());
-  add("b", 0, now().unix_ms);
-  merge(900);
-  ASSERT_TRUE(s->cancel("b", now()).ok());
-  p = history.look(*s, now());
-  EXPECT_DOUBLE_EQ(p.samples_per_second, (600 + 900) / 60.0);
-  EXPECT_TRUE(history.keep_if_due(p, now()));
-  at(clock + 60);
-  p = history.look(*s, now());
-  EXPECT_EQ(p.samples_per_second, 0);
-  EXPECT_TRUE(history.keep_if_due(p, now()));
-  ASSERT_EQ(history.points().size(), 2U);
-  EXPECT_DOUBLE_EQ(history.points()[0].samples_per_second, 25);
 }
 
 // Claim: a day is kept and no more, the oldest first.
