@@ -66,6 +66,21 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
            "AOVs to add as layers, such as albedo,normal,depth or NAME:KIND; none: no AOVs; default: those "
            "of the scene's integrator `aov`",
            "LIST");
+  add_texts(
+      app, "--layer", options.layers,
+      "Add a layer of the light whose paths match a light path expression, such as caustics=LS+DE; may be "
+      "repeated; none: no layers; default: those of the scene's integrator `lpe`",
+      "NAME=EXPR");
+  add_texts(app, "--region", options.regions,
+            "Name a region for @NAME in expressions: NAME=box:x0,y0,z0,x1,y1,z1 or NAME=sphere:x,y,z,radius; "
+            "may be repeated",
+            "REGION");
+  add_text(app, "--glossy-below", options.glossy_below,
+           "Roughness alpha below which light that is not mirrored counts as G, above as D (default 0.3)",
+           "ALPHA");
+  app.add_flag("--light-groups", options.light_groups, "Add a layer light.NAME for each lamp");
+  app.add_flag("--partition", options.partition,
+               "Refuse layers unless each path matches exactly one: they then add up to the image");
   add_text(app, "--scene-memory", options.scene_memory,
            "Maximum memory for reading the scene, such as 500M or 20G; default: half of the memory", "SIZE");
   add_text(app, "--isa", options.isa,

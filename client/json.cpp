@@ -73,4 +73,26 @@ std::string plan_json(const std::string& integrator, const std::map<std::string,
   return json_text({{"integrator", integrator}, {"integrator_settings", values}, {"plan", plan}});
 }
 
+std::string objects_json(const description::ObjectList& objects) {
+  const auto rows = [](const std::vector<description::NamedObjects>& list) {
+    Json result = Json::array();
+    for (const description::NamedObjects& row : list) {
+      Json bounds = nullptr;
+      if (row.bounds) {
+        const auto point = [](const description::Vec3& p) {
+          return Json{finite(p[0]), finite(p[1]), finite(p[2])};
+        };
+        bounds = {{"low", point(row.bounds->low)}, {"high", point(row.bounds->high)}};
+      }
+      result.push_back({{"name", row.name.empty() ? Json(nullptr) : Json(row.name)},
+                        {"count", row.count()},
+                        {"kinds", row.kinds},
+                        {"bounds", bounds}});
+    }
+    return result;
+  };
+  return json_text(
+      {{"surfaces", rows(objects.surfaces)}, {"lamps", rows(objects.lamps)}, {"media", rows(objects.media)}});
+}
+
 }  // namespace candela::client

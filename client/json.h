@@ -4,6 +4,7 @@
 
 #include <string>
 
+#include "common/description/object_list.h"
 #include "common/stats/image_difference.h"
 
 namespace candela::client {
@@ -16,5 +17,8 @@ std::string comparison_json(const stats::ImageComparison& comparison,
 std::string version_json();
 std::string plan_json(const std::string& integrator, const std::map<std::string, std::string>& settings,
                       const std::string& plan);
+
+// Of `candela objects`: "surfaces", "lamps" and "media", lists of {name, count, kinds, bounds}.
+std::string objects_json(const description::ObjectList& objects);
 
 }  // namespace candela::client

@@ -11,10 +11,12 @@
 #include "common/base/quantity.h"
 #include "common/description/all_errors.h"
 #include "common/description/film_window.h"
+#include "common/description/object_list.h"
 #include "common/description/setting_text.h"
 #include "common/description/vocabulary.h"
 #include "common/job/aov.h"
 #include "common/job/setting_names.h"
+#include "common/letters/request.h"
 
 namespace candela::client {
 namespace {
@@ -248,6 +250,50 @@ Result<std::string> resolve_aovs(const std::string& of_scene, const SceneOptions
   return text_of(*aovs);
 }
 
+// The layers of light path expressions that the options ask for.
+Result<letters::LayerRequest> parse_layers(const SceneOptions& options) {
+  letters::LayerRequest request;
+  const bool none = options.layers == std::vector<std::string>{"none"};
+  for (const std::string& text : options.layers)
+    if (auto added = letters::add_layers(text, request); !none && !added.ok())
+      return std::move(added).error().with_field("--layer");
+  for (const std::string& text : options.regions) {
+    auto region = letters::parse_region(text);
+    if (!region) return std::move(region).error().with_field("--region");
+    request.regions.push_back(*std::move(region));
+  }
+  if (options.glossy_below) {
+    auto glossy_below = letters::parse_glossy_below(*options.glossy_below);
+    if (!glossy_below) return std::move(glossy_below).error().with_field("--glossy-below");
+    request.glossy_below = *glossy_below;
+  }
+  request.light_groups |= options.light_groups;
+  request.partition |= options.partition;
+  return request;
+}
+
+// As the job has it: what the options ask for if they name layers; else the scene's layers, with the regions
+// and the flags of the options. The expressions are compiled with the names of the scene's objects.
+Result<std::string> resolve_layers(const description::SceneDescription& scene, const SceneOptions& options) {
+  CANDELA_ASSIGN(letters::LayerRequest request, parse_layers(options));
+  const bool replaces = !options.layers.empty() || options.light_groups;
+  if (!replaces && !scene.layers.empty()) {
+    CANDELA_ASSIGN(letters::LayerRequest written, letters::parse_layer_request(scene.layers));
+    std::move(request.regions.begin(), request.regions.end(), std::back_inserter(written.regions));
+    if (options.glossy_below) written.glossy_below = request.glossy_below;
+    written.partition |= request.partition;
+    request = std::move(written);
+  }
+  auto checked = description::check_layers(request, *scene.scene);
+  if (!checked) return std::move(checked).error().with_field(replaces ? "--layer" : "");
+  std::string text = letters::text_of(request);
+  if (text.size() > letters::kMaxRequestBytes)
+    return usage_error(fmt::format("the layers have {} bytes of text, more than {}", text.size(),
+                                   letters::kMaxRequestBytes))
+        .with_field("--layer");
+  return text;
+}
+
 }  // namespace
 
 Result<StopRule> parse_stop(const SceneOptions& options) {
@@ -324,6 +370,7 @@ Result<PreparedJob> prepare_job(const description::SceneDescription& scene, cons
   CANDELA_TRY(resolve_filter(film.get(), options, job.settings));
   CANDELA_TRY(resolve_size(film.get(), options, job.settings));
   CANDELA_ASSIGN(job.settings.aovs, resolve_aovs(scene.aovs, options));
+  CANDELA_ASSIGN(job.settings.layers, resolve_layers(scene, options));
   CANDELA_ASSIGN(job.spp, resolve_sampling(sampler.get(), options, job));
   CANDELA_TRY(resolve_integrator(*scene.scene, options, facts, job));
   if (job.spp > 0) {
@@ -351,6 +398,10 @@ Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts&
   CANDELA_TRY(parse_stop(options));
   CANDELA_TRY(parse_exact_indices(options));
   CANDELA_TRY(resolve_aovs({}, options));
+  CANDELA_ASSIGN(const letters::LayerRequest layers, parse_layers(options));
+  if (!layers.empty())
+    if (auto checked = letters::check(layers); !checked)
+      return std::move(checked).error().with_field("--layer");
   if (options.size) CANDELA_TRY(parse_size(*options.size, "--size"));
   if (options.seed) CANDELA_TRY(parse_count(*options.seed, "--seed", 0, UINT64_MAX));
   CANDELA_ASSIGN(const std::uint64_t memory, scene_memory_bytes(options));
@@ -384,6 +435,7 @@ std::string difference(const JobSettings& now, const JobSettings& was) {
   compare("seed", now.seed, was.seed);
   compare("isa", now.isa, was.isa);
   compare("aovs", now.aovs, was.aovs);
+  compare("layers", now.layers, was.layers);
   return fmt::format("{}", join(lines, "; "));
 }
 

@@ -47,6 +47,10 @@ struct SceneOptions {
   std::vector<std::string> sets;     // key=value
   std::optional<std::string> integrator, spp, iterations, time, until, indices, seed, size, filter, sampler,
       isa, aov, scene_memory;
+  std::vector<std::string> layers;   // NAME=EXPR, or as the job has them
+  std::vector<std::string> regions;  // NAME=box:... or NAME=sphere:...
+  std::optional<std::string> glossy_below;
+  bool light_groups = false, partition = false;
   bool lenient = false;  // unknown parameters, elements and plugins of the scene are warnings
 
   description::Reading reading() const { return {.integrator = integrator.value_or(""), .lenient = lenient}; }

@@ -26,6 +26,7 @@ void add_workers(CLI::App& app, Context& context);
 void add_drain(CLI::App& app, Context& context);
 void add_slurm(CLI::App& app, Context& context);
 void add_tls(CLI::App& app, Context& context);
+void add_objects(CLI::App& app, Context& context);
 void add_events(CLI::App& app, Context& context);
 void add_compare(CLI::App& app, Context& context);
 void add_convert(CLI::App& app, Context& context);

@@ -32,6 +32,7 @@ void add_commands(CLI::App& app, Context& context) {
   add_reproduce(app, context);
   add_plan(app, context);
   add_check(app, context);
+  add_objects(app, context);
   add_submit(app, context);
   add_list(app, context);
   add_show(app, context);

@@ -81,6 +81,7 @@ SceneOptions scene_options(const RenderCommand& command) {
   out.sampler = s.sampler;
   out.isa = s.isa;
   out.aov = s.aovs.empty() ? "none" : s.aovs;
+  out.layers = {s.layers.empty() ? "none" : s.layers};
   return out;
 }
 
@@ -106,7 +107,8 @@ Result<void> check_scene(const LoadedScene& scene, const Origin& origin) {
   for (const auto& [name, here] :
        {std::pair<const char*, std::string>{"settings", text_of(s.integrator_settings)},
         {"filter_settings", text_of(s.filter_settings)},
-        {"aovs", s.aovs}})
+        {"aovs", s.aovs},
+        {"expressions", s.layers}})
     if (here != origin.text(name))
       return input_error(fmt::format("{} come out as '{}' here, and were '{}'", name, printable(here),
                                      printable(origin.text(name))))

@@ -21,6 +21,7 @@ const std::map<std::string_view, std::vector<std::string_view>>& examples() {
        {"candela reproduce out.exr", "candela reproduce out.exr --run",
         "candela reproduce out.exr --run -o again.exr --scene moved/scene.xml --master farm:7070"}},
       {"plan", {"candela plan scene.xml --integrator bdpt"}},
+      {"objects", {"candela objects scene.xml --json"}},
       {"check", {"candela check scene.xml --strict"}},
       {"submit",
        {"candela submit scene.xml --master farm:7070 --iterations 1024",

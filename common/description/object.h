@@ -102,6 +102,7 @@ struct SceneDescription {
       files;  // keys of all files read or referred to (XML, meshes, textures, spectra), sorted, unique
   std::vector<Note> notes = {};  // in the order they were met
   std::string aovs = {};         // layers that the scene asks for (scene_aovs.h); empty: none
+  std::string layers = {};       // of light path expressions (common/letters/request.h); empty: none
 };
 
 // Parses and validates: unknown categories, plugins and properties (of old files see reading.h) are errors

@@ -18,7 +18,8 @@ void ObjectNamesOfScene::visit(const Object& object) {
     const Object& below = *child.object;
     // An area light of the scene itself glows only in the shapes that refer to it.
     if (below.category == "emitter" && (object.category == "shape" || below.plugin != "area")) {
-      if (lamps_.emplace(&below, below.id).second) lamp_order_.push_back(&below);
+      const bool as_shape = below.id.empty() && object.category == "shape";
+      if (lamps_.emplace(&below, as_shape ? object.id : below.id).second) lamp_order_.push_back(&below);
       visit(below);
     } else if (below.category == "medium") {
       if (media_.emplace(&below, below.id).second) medium_order_.push_back(&below);
@@ -30,13 +31,13 @@ void ObjectNamesOfScene::visit(const Object& object) {
 }
 
 void ObjectNamesOfScene::name_all(const std::vector<const Object*>& order, Names& names) const {
-  std::set<std::string_view> ids;
-  for (const Object* object : order) ids.insert(object->id);
+  std::set<std::string> ids;
+  for (const Object* object : order) ids.insert(names.at(object));
   std::map<std::string_view, int> numbers;  // of a kind
   for (const Object* object : order) {
     int& number = numbers[object->plugin];
     ++number;
-    if (!object->id.empty()) continue;
+    if (!names.at(object).empty()) continue;
     while (ids.contains(fmt::format("{}.{}", object->plugin, number))) ++number;
     names[object] = fmt::format("{}.{}", object->plugin, number);
   }

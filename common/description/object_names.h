@@ -1,8 +1,9 @@
 // Names by which light path expressions know the objects of a scene (docs/layers.md).
 //
 // A shape has its id, the id of its shapegroup, and the id of its bsdf, through bsdfs that hold one other:
-// `twosided` and its like. If it glows, it has the name of its lamp, too. Lamps and media without an id are
-// called by their kind and number, "area.3", in the order of the file.
+// `twosided` and its like. If it glows, it has the name of its lamp, too. An area light without an id is
+// called as its shape. Other lamps without an id, and such media, are called by kind and number, "area.3", in
+// the order of the file.
 #pragma once
 
 #include <map>
@@ -35,6 +36,7 @@ class ObjectNamesOfScene {
  private:
   using Names = std::map<const Object*, std::string>;
   void visit(const Object& object);
+  // Names those that have no name yet.
   void name_all(const std::vector<const Object*>& order, Names& names) const;
 
   Names lamps_, media_;

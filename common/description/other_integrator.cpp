@@ -86,11 +86,15 @@ Result<void> OtherIntegrator::take(const pugi::xml_node& node, std::string_view 
   Result<Property> property = parse();
   if (plugin == "aov" && name == "aovs" && property.ok() && aovs.empty()) {
     // Another integrator runs: what of its layers cannot be had does not keep it from running.
-    Result<std::string> layers = aovs_of_scene(*property, true, notes);
-    if (layers.ok())
-      aovs = std::move(layers).value();
+    Result<std::string> list = aovs_of_scene(*property, true, notes);
+    if (list.ok())
+      aovs = std::move(list).value();
     else
-      notes.push_back(passed_over_note(layers.error()));
+      notes.push_back(passed_over_note(list.error()));
+  }
+  if (plugin == "lpe" && name == "layers" && property.ok() && layers.empty()) {
+    // Ours: any integrator can have them.
+    CANDELA_ASSIGN(layers, layers_of_scene(*property));
   }
   if (!property.ok() && is_used(own_rule)) return std::move(property).error();
   if (own != nullptr && own == running) {

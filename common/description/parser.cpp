@@ -76,7 +76,8 @@ class Parser {
     return ReadScene{{std::move(resolved),
                       {files_.used().begin(), files_.used().end()},
                       std::move(notes_),
-                      std::move(aovs_)},
+                      std::move(aovs_),
+                      std::move(layers_)},
                      std::move(passed_over_)};
   }
 
@@ -168,8 +169,9 @@ class Parser {
     object->where = written.where;
     const PluginRule* rule = find_plugin(object->category, object->plugin);
     // Integrators that Mitsuba has are kept unread: the command line may choose another.
-    const bool unread =
-        object->category == "integrator" && support_of_plugin("integrator", object->plugin) == Support::later;
+    const bool unread = object->category == "integrator" &&
+                        (support_of_plugin("integrator", object->plugin) == Support::later ||
+                         is_layer_element(object->plugin));
     const bool may_replace =
         object->category != "spectrum" && (reading_.lenient || lenient::has_close_plugin(*object));
     const bool is_unknown = rule == nullptr && !unread && !may_replace;
@@ -208,6 +210,13 @@ class Parser {
       if (const Property* aovs = object->find("aovs")) {
         CANDELA_ASSIGN(aovs_, aovs_of_scene(*aovs, reading_.lenient, passed_over_));
       }
+    }
+    if (object->category == "integrator" && object->plugin == "lpe" && layers_.empty()) {
+      const Property* layers = object->find("layers");
+      if (layers == nullptr || object->properties.size() > 1)
+        return error_at(object->where, "an integrator 'lpe' has one parameter, the string 'layers'")
+            .with_mend("write <string name=\"layers\" value=\"layer NAME=EXPR; ...\"/>");
+      CANDELA_ASSIGN(layers_, layers_of_scene(*layers));
     }
     if (object->category == "integrator" && rule == nullptr) {
       if (const auto nested = stand_in::integrator_inside(drafts_, index, notes_)) {
@@ -305,8 +314,8 @@ class Parser {
   // An <integrator> where another one runs.
   Result<void> pass_over_integrator(const File& file, const pugi::xml_node& node, std::size_t parent,
                                     int depth) {
-    const OtherIntegrator reader{file.document, file.legacy,  reading_.integrator,
-                                 parameters_,   passed_over_, aovs_};
+    const OtherIntegrator reader{file.document, file.legacy, reading_.integrator, parameters_, passed_over_,
+                                 aovs_,         layers_};
     parameters_.assume_usual(false);
     Result<std::shared_ptr<Object>> read = reader.read(node, depth);
     parameters_.assume_usual(reading_.lenient);
@@ -623,7 +632,7 @@ class Parser {
   std::map<std::string, std::size_t, std::less<>> ids_;
   std::vector<Note> notes_;
   std::vector<Note> passed_over_;
-  std::string aovs_;
+  std::string aovs_, layers_;
   std::size_t include_count_ = 0;
   std::set<std::size_t> has_integrator_;  // drafts that an <integrator> in place of another was put into
 };

@@ -7,6 +7,7 @@
 #include "common/description/check.h"
 #include "common/description/text.h"
 #include "common/job/aov.h"
+#include "common/letters/request.h"
 
 namespace candela::description {
 namespace {
@@ -42,6 +43,18 @@ Result<std::string> aovs_of_scene(const Property& aovs, bool lenient, std::vecto
     }
   }
   return kept;
+}
+
+Result<std::string> layers_of_scene(const Property& layers) {
+  if (!std::holds_alternative<std::string>(layers.value))
+    return error_at(layers.where, "the parameter 'layers' of integrator 'lpe' is no string");
+  const auto request = letters::parse_layer_request(std::get<std::string>(layers.value));
+  if (request.ok()) return letters::text_of(*request);
+  return error_at(layers.where, request.error().message).with_mend(request.error().mend);
+}
+
+bool is_layer_element(std::string_view plugin) {
+  return plugin == "aov" || plugin == "lpe";
 }
 
 }  // namespace candela::description

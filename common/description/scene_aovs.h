@@ -1,4 +1,5 @@
-// The layers that Mitsuba's integrator `aov` asks for beside the image of the integrator inside it.
+// The layers that a scene asks for beside the image of an integrator, by an element around that integrator:
+// `aov`, which is Mitsuba's, and `lpe`, which is ours.
 #pragma once
 
 #include <string>
@@ -13,5 +14,12 @@ namespace candela::description {
 // Candela lacks are left out and told in `passed_over`; so is what Mitsuba does not have either, if
 // `lenient`. Otherwise that is an error.
 Result<std::string> aovs_of_scene(const Property& aovs, bool lenient, std::vector<Note>& passed_over);
+
+// The value of the parameter `layers` of an integrator `lpe`, as parse_layer_request() of
+// common/letters/request.h reads it.
+Result<std::string> layers_of_scene(const Property& layers);
+
+// Whether such an element makes layers, and the image is that of the integrator inside it.
+bool is_layer_element(std::string_view plugin);
 
 }  // namespace candela::description

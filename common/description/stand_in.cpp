@@ -8,6 +8,7 @@
 #include "common/description/element_names.h"
 #include "common/description/legacy.h"
 #include "common/description/lenient.h"
+#include "common/description/scene_aovs.h"
 #include "common/description/text.h"
 
 namespace candela::description::stand_in {
@@ -25,7 +26,7 @@ std::optional<std::size_t> integrator_inside(const std::vector<Draft>& drafts, s
   for (const Link& link : drafts[index].links) {
     if (link.is_reference || drafts[link.target].object->category != "integrator") continue;
     const Object& outer = *drafts[index].object;
-    if (outer.plugin != "aov" || drafts[index].links.size() > 1)
+    if (!is_layer_element(outer.plugin) || drafts[index].links.size() > 1)
       notes.push_back({outer.where, fmt::format("{}: only the integrator inside, '{}', runs", describe(outer),
                                                 drafts[link.target].object->plugin)});
     return link.target;

@@ -15,7 +15,7 @@
 namespace candela {
 namespace {
 
-constexpr std::string_view kNoAovs = "none";
+constexpr std::string_view kNone = "none";  // in place of what the scene asks for
 
 constexpr std::array<std::pair<std::string_view, bool RenderCommand::*>, 4> kFlags{
     {{"--error-layer", &RenderCommand::error_layer},
@@ -55,7 +55,8 @@ std::vector<std::string> words_of(const RenderCommand& command, std::string_view
   add("--sampler", s.sampler);
   add("--seed", fmt::format("{}", s.seed));
   add("--isa", s.isa);
-  add("--aov", s.aovs.empty() ? std::string(kNoAovs) : s.aovs);
+  add("--aov", s.aovs.empty() ? std::string(kNone) : s.aovs);
+  add("--layer", s.layers.empty() ? std::string(kNone) : s.layers);
   add("--indices", command.indices);
   if (!command.half.empty()) add("--half", command.half);
   if (!command.estimator.empty()) add("--estimator", command.estimator);
@@ -96,7 +97,12 @@ Result<RenderCommand> parse_render_command(std::string_view line) {
       {"--isa", text(s.isa)},
       {"--aov",
        [&](const std::string& value) {
-         s.aovs = value == kNoAovs ? "" : value;
+         s.aovs = value == kNone ? "" : value;
+         return !value.empty();
+       }},
+      {"--layer",
+       [&](const std::string& value) {
+         s.layers = value == kNone ? "" : value;
          return !value.empty();
        }},
       {"--indices", text(command.indices)},

@@ -60,9 +60,20 @@ std::string_view take_item(std::string_view& text) {
   return trimmed(item);
 }
 
+Result<NamedExpression> parse_layer(std::string_view text) {
+  const auto parts = assignment(text);
+  if (!parts)
+    return input_error(fmt::format("{} is no layer", quote(text)))
+        .with_mend("write NAME=EXPR: caustics=LS+DE");
+  return NamedExpression{std::string(parts->first), std::string(parts->second)};
+}
+
+std::string_view first_word(std::string_view text) {
+  return text.substr(0, text.find_first_of(" \t\r\n;"));
+}
+
 Result<void> add_item(std::string_view item, LayerRequest& request) {
-  const std::size_t space = std::min(item.find_first_of(" \t\r\n"), item.size());
-  const std::string_view word = item.substr(0, space), rest = trimmed(item.substr(space));
+  const std::string_view word = first_word(item), rest = trimmed(item.substr(word.size()));
   if (word == "layer") {
     CANDELA_ASSIGN(NamedExpression layer, parse_layer(rest));
     request.layers.push_back(std::move(layer));
@@ -79,6 +90,14 @@ Result<void> add_item(std::string_view item, LayerRequest& request) {
     return input_error(fmt::format("{} asks for no layer", quote(item)))
         .with_mend(
             "write layer NAME=EXPR, region NAME=box:..., glossy-below NUMBER, light-groups or partition");
+  }
+  return {};
+}
+
+Result<void> add_items(std::string_view text, LayerRequest& request) {
+  while (!text.empty()) {
+    const std::string_view item = take_item(text);
+    if (!item.empty()) CANDELA_TRY(add_item(item, request));
   }
   return {};
 }
@@ -154,12 +173,14 @@ std::string layer_name_of(std::string_view lamp) {
 
 }  // namespace
 
-Result<NamedExpression> parse_layer(std::string_view text) {
-  const auto parts = assignment(text);
-  if (!parts)
-    return input_error(fmt::format("{} is no layer", quote(text)))
-        .with_mend("write NAME=EXPR: caustics=LS+DE");
-  return NamedExpression{std::string(parts->first), std::string(parts->second)};
+Result<void> add_layers(std::string_view text, LayerRequest& request) {
+  constexpr std::array<std::string_view, 5> words = {"layer", "region", "glossy-below", "light-groups",
+                                                     "partition"};
+  const std::string_view word = first_word(trimmed(text));
+  if (std::find(words.begin(), words.end(), word) != words.end()) return add_items(text, request);
+  CANDELA_ASSIGN(NamedExpression layer, parse_layer(text));
+  request.layers.push_back(std::move(layer));
+  return {};
 }
 
 Result<Region> parse_region(std::string_view text) {
@@ -206,15 +227,17 @@ Result<double> parse_glossy_below(std::string_view text) {
 }
 
 Result<LayerRequest> parse_layer_request(std::string_view text) {
-  LayerRequest request;
-  if (text.size() > kMaxRequestBytes)
+  const auto check_size = [](std::size_t bytes) -> Result<void> {
+    if (bytes <= kMaxRequestBytes) return {};
     return input_error(
-        fmt::format("the layers have {} bytes of text, more than {}", text.size(), kMaxRequestBytes));
-  while (!text.empty()) {
-    const std::string_view item = take_item(text);
-    if (!item.empty()) CANDELA_TRY(add_item(item, request));
-  }
+        fmt::format("the layers have {} bytes of text, more than {}", bytes, kMaxRequestBytes));
+  };
+  CANDELA_TRY(check_size(text.size()));
+  LayerRequest request;
+  CANDELA_TRY(add_items(text, request));
   CANDELA_TRY(check(request));
+  // What is read is written, and read again.
+  CANDELA_TRY(check_size(text_of(request).size()));
   return request;
 }
 

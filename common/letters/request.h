@@ -48,8 +48,8 @@ Result<LayerRequest> parse_layer_request(std::string_view text);
 // As parse_layer_request() reads it. Precondition: check() passes.
 std::string text_of(const LayerRequest& request);
 
-// "NAME=EXPR"; the syntax of the expression is left to check().
-Result<NamedExpression> parse_layer(std::string_view text);
+// Adds "NAME=EXPR", or items as parse_layer_request() reads them. What the result may be is left to check().
+Result<void> add_layers(std::string_view text, LayerRequest& request);
 // "NAME=box:x0,y0,z0,x1,y1,z1" or "NAME=sphere:x,y,z,r"
 Result<Region> parse_region(std::string_view text);
 Result<double> parse_glossy_below(std::string_view text);

@@ -12,6 +12,7 @@
 #include "common/job/aov.h"
 #include "common/job/setting_names.h"
 #include "common/job/stop_limits.h"
+#include "common/letters/request.h"
 #include "common/wire/field_error.h"
 
 namespace candela::wire {
@@ -97,6 +98,7 @@ void to_proto(const JobSettings& settings, v1::JobSettings& out) {
   out.set_seed(settings.seed);
   out.set_isa(settings.isa);
   out.set_aovs(settings.aovs);
+  out.set_layers(settings.layers);
 }
 
 void to_proto(const StopRule& stop, v1::StopRule& out) {
@@ -173,6 +175,9 @@ Result<JobSettings> from_proto(const v1::JobSettings& message) {
   const auto aovs = parse_aovs(message.aovs());
   if (!aovs.ok()) return field_error("settings.aovs", aovs.error().message);
   settings.aovs = text_of(*aovs);
+  const auto layers = letters::parse_layer_request(message.layers());
+  if (!layers.ok()) return field_error("settings.layers", layers.error().message);
+  settings.layers = text_of(*layers);
   return settings;
 }
 

@@ -61,12 +61,16 @@ class Package(unittest.TestCase):
         program = candela.program
         values = {"integrator": "bdpt", "settings": {"max_depth": 5, "hide_emitters": True}, "parameters": {"a": 1},
                   "spp": 4, "iterations": 4, "time": "10m", "until": 1e-3, "seed": 1, "size": (2, 3), "filter": "box",
-                  "sampler": "sobol", "isa": "avx2", "lenient": True, "aov": ["albedo", "depth"], "indices": "0-3/0-2"}
+                  "sampler": "sobol", "isa": "avx2", "lenient": True, "aov": ["albedo", "depth"], "indices": "0-3/0-2",
+                  "layers": {"a": "LDE"}, "regions": {"b": "sphere:0,0,0,1"}, "glossy_below": 0.2, "light_groups": True,
+                  "partition": True}
         self.assertEqual(set(values), set(program.SceneSettings.__annotations__))
         arguments = program.scene_arguments(values)
         self.assertIn("hide_emitters=true", arguments)
         self.assertIn("relmse=0.001", arguments)
         self.assertIn("albedo,depth", arguments)
+        self.assertIn("a=LDE", arguments)
+        self.assertIn("--glossy-below=0.2", arguments)
         help_text = subprocess.check_output([program.find_program("candela"), "render", "--help"], text=True)
         for argument in arguments:
             if argument.startswith("--"):

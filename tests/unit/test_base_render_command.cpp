@@ -35,6 +35,7 @@ RenderCommand example() {
   c.settings.seed = 18446744073709551615U;
   c.settings.isa = "avx";
   c.settings.aovs = "albedo:albedo,d:depth";
+  c.settings.layers = "layer a=L{my 'key'}[DGSV]*E; region b=box:0,0,0,1,1,1; partition";
   c.indices = "0-31,40/none";
   return c;
 }
@@ -51,6 +52,7 @@ void expect_equal(const RenderCommand& a, const RenderCommand& b) {
   EXPECT_EQ(a.settings.seed, b.settings.seed);
   EXPECT_EQ(a.settings.isa, b.settings.isa);
   EXPECT_EQ(a.settings.aovs, b.settings.aovs);
+  EXPECT_EQ(a.settings.layers, b.settings.layers);
   EXPECT_EQ(a.indices, b.indices);
   EXPECT_EQ(a.half, b.half);
   EXPECT_EQ(a.estimator, b.estimator);
@@ -69,6 +71,7 @@ TEST(RenderCommands, AreReadBack) {
     ASSERT_TRUE(back.ok()) << back.error().to_string();
     expect_equal(*back, c);
     c.settings.aovs.clear();
+    c.settings.layers.clear();
     c.half = "B";
     c.estimator = "plain";
     c.error_layer = c.chain_layers = true;

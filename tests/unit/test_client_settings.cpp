@@ -133,6 +133,54 @@ TEST(Settings, AovsOfSceneAndCommandLine) {
   EXPECT_TRUE(aovs("", "depth,x").starts_with("--aov: there is no AOV 'x'")) << aovs("", "depth,x");
 }
 
+// Claim: the scene's layers count unless the command line names some, or none; regions and flags of the
+// command line join either; what cannot be is refused with its option, and names with those of the scene.
+TEST(Settings, LayersOfSceneAndCommandLine) {
+  const auto layers = [](const std::string& of_scene, const auto& set) {
+    const TestScene scene;
+    SceneOptions options;
+    set(options);
+    const auto job = prepare_job({scene.scene, {"scene.xml"}, {}, {}, of_scene}, options, fake_facts());
+    return job.ok() ? job->settings.layers : job.error().to_string();
+  };
+  const auto nothing = [](SceneOptions&) {};
+  EXPECT_EQ(layers("", nothing), "");
+  EXPECT_EQ(layers("layer a=LDE", nothing), "layer a=LDE");
+  EXPECT_EQ(layers("layer a=LDE",
+                   [](SceneOptions& o) {
+                     o.layers = {"b=LE", "c=L[XV]+E"};
+                   }),
+            "layer b=LE; layer c=L[XV]+E");
+  EXPECT_EQ(layers("layer a=LDE", [](SceneOptions& o) { o.layers = {"none"}; }), "");
+  EXPECT_EQ(
+      layers("layer a=LDE", [](SceneOptions& o) { o.layers = {"layer b=LX@r E; region r=sphere:0,0,0,1"}; }),
+      "layer b=LX@r E; region r=sphere:0,0,0,1");
+  EXPECT_EQ(layers("layer a=L[DGSV]*E",
+                   [](SceneOptions& o) {
+                     o.regions = {"r=box:0,0,0,1,1,1"};
+                     o.glossy_below = "0.2";
+                     o.partition = true;
+                   }),
+            "layer a=L[DGSV]*E; region r=box:0,0,0,1,1,1; glossy-below 0.2; partition");
+  EXPECT_EQ(layers("layer a=LDE", [](SceneOptions& o) { o.light_groups = true; }), "light-groups");
+
+  const auto refused = [&](const auto& set, const std::string& expected) {
+    const std::string text = layers("", set);
+    EXPECT_TRUE(text.starts_with(expected)) << text;
+  };
+  refused([](SceneOptions& o) { o.layers = {"a=L(E"}; },
+          "--layer: layer 'a', column 2: this '(' is not closed");
+  refused([](SceneOptions& o) { o.layers = {"a"}; }, "--layer: 'a' is no layer");
+  refused([](SceneOptions& o) { o.layers = {"a=LX{nobody}E"}; },
+          "--layer: layer 'a', column 2: no object is called 'nobody'");
+  refused([](SceneOptions& o) { o.layers = {"a=LDE"}, o.partition = true; },
+          "--layer: the layers are no partition");
+  refused([](SceneOptions& o) { o.regions = {"r=box:1"}; }, "--region: 'r=box:1' is no region");
+  refused([](SceneOptions& o) { o.glossy_below = "x"; }, "--glossy-below: 'x' is no roughness");
+  refused([](SceneOptions& o) { o.partition = true; },
+          "regions, glossy-below and partition belong to layers");
+}
+
 // Claim: each filter takes the numbers that are its own from the scene, defaults elsewhere, and nothing of
 // another's.
 TEST(Settings, FiltersTakeTheirOwnNumbers) {

@@ -1,4 +1,4 @@
-// The layers that a scene asks for by Mitsuba 3's integrator `aov`.
+// The layers that a scene asks for by Mitsuba 3's integrator `aov`, and by `lpe`.
 #include <gtest/gtest.h>
 
 #include "common/description/reading.h"
@@ -46,6 +46,43 @@ TEST(DescriptionAovs, AreRead) {
             "a:albedo\nscene.xml:2: two AOVs are called 'a': it is passed over");
   EXPECT_EQ(aovs_of("<integrator type='aov'><integer name='aovs' value='3'/></integrator>", with_bdpt),
             "\nscene.xml:2: the parameter 'aovs' of integrator 'aov' is no string: it is passed over");
+}
+
+std::string layers_of(const std::string& integrator, const Reading& reading) {
+  const auto result =
+      read_scene(MemorySource({{"scene.xml", "<scene version='3.0.0'>\n" + integrator + "\n</scene>"}}),
+                 "scene.xml", {}, reading);
+  if (!result.ok()) return result.error().to_string();
+  std::string text = result->description.layers + " | " + result->description.aovs;
+  for (const ObjectPtr& object : result->description.scene->children_of("integrator"))
+    text += " | " + object->plugin;
+  for (const Note& note : result->passed_over) text += "\n" + note.text;
+  return text;
+}
+
+// Claim: layers of expressions are read around the integrator that runs, whichever that is, and beside AOVs;
+// a bad expression is an error with its line and column, under every reading.
+TEST(DescriptionAovs, LayersOfExpressions) {
+  const std::string layers = "<string name='layers' value='layer a=LDE;  region r=sphere:0,0,0,1'/>";
+  const std::string with_path = "<integrator type='lpe'>" + layers + "<integrator type='path'/></integrator>";
+  const std::string expected = "layer a=LDE; region r=sphere:0,0,0,1 | ";
+  EXPECT_EQ(layers_of(with_path, {}), expected + " | path");
+  EXPECT_EQ(layers_of(with_path, {.lenient = true}), expected + " | path");
+  // The command line's integrator runs, whatever the element is called.
+  EXPECT_TRUE(layers_of(with_path, {.integrator = "bdpt"}).starts_with(expected));
+  EXPECT_EQ(
+      layers_of("<integrator type='aov'><string name='aovs' value='d:depth'/>" + with_path + "</integrator>",
+                {}),
+      expected + "d:depth | path");
+  for (const Reading& reading : {Reading{}, Reading{.lenient = true}, Reading{.integrator = "bdpt"}})
+    EXPECT_EQ(layers_of("<integrator type='lpe'>\n<string name='layers' value='layer a=L(E'/><integrator "
+                        "type='path'/></integrator>",
+                        reading),
+              "scene.xml:3: layer 'a', column 2: this '(' is not closed (write ')')");
+  EXPECT_TRUE(layers_of("<integrator type='lpe'><string name='layer' value='a=LE'/><integrator "
+                        "type='path'/></integrator>",
+                        {})
+                  .starts_with("scene.xml:2: an integrator 'lpe' has one parameter, the string 'layers'"));
 }
 
 }  // namespace

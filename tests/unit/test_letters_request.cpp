@@ -142,6 +142,12 @@ TEST(LettersRequest, Caps) {
   EXPECT_TRUE(parse_layer_request(regions(8)).ok());
   EXPECT_EQ(read(regions(9)), "there are 9 regions, more than 8");
   EXPECT_EQ(read(std::string(16385, ' ')), "the layers have 16385 bytes of text, more than 16384");
+  // The longer text that is written counts as well.
+  std::string dense;
+  for (int i = 0; i < 8; ++i)
+    dense += fmt::format("layer a{}=LE|{};", i, std::string(i < 7 ? 2040 : 1992, ' ') + "D");
+  EXPECT_EQ(dense.size(), 16384U);
+  EXPECT_EQ(read(dense), "the layers have 16390 bytes of text, more than 16384");
 }
 
 // Claim: any name of a lamp makes a layer's name, and different names make different ones.

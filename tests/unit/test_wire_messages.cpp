@@ -24,6 +24,8 @@ JobSettings sample_settings() {
   settings.sampler = "sobol";
   settings.seed = 0xfedcba9876543210ULL;
   settings.isa = "avx2";
+  settings.aovs = "d:depth";
+  settings.layers = "layer a=L{key; 1}X@r E; region r=box:0,0,0,1,1,1; partition";
   return settings;
 }
 
@@ -51,6 +53,8 @@ TEST(WireMessages, SettingsRoundTrip) {
   EXPECT_EQ(back->sampler, settings.sampler);
   EXPECT_EQ(back->seed, settings.seed);
   EXPECT_EQ(back->isa, settings.isa);
+  EXPECT_EQ(back->aovs, settings.aovs);
+  EXPECT_EQ(back->layers, settings.layers);
 }
 
 // Claim: each bad value of each settings field is refused as input, by an error that names that field.
@@ -87,6 +91,10 @@ TEST(WireMessages, BadSettingsNameTheirField) {
       {"settings.filter_settings", [](auto& m) { put(*m.mutable_filter_settings(), "", "1"); }},
       {"settings.sampler", [](auto& m) { m.set_sampler(""); }},
       {"settings.isa", [](auto& m) { m.set_isa("neon"); }},
+      {"settings.aovs", [](auto& m) { m.set_aovs("colour"); }},
+      {"settings.layers", [](auto& m) { m.set_layers("layer a=L(E"); }},
+      {"settings.layers", [](auto& m) { m.set_layers("layer a=LX@r E"); }},
+      {"settings.layers", [](auto& m) { m.set_layers(std::string(16385, ' ')); }},
   };
   for (const Case& c : cases) {
     v1::JobSettings message = sample_settings_message();

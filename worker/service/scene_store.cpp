@@ -64,6 +64,7 @@ std::string SceneStore::key(const std::string& bundle_sha256, const JobSettings&
   add(settings.sampler);
   add(settings.isa);
   add(settings.aovs);
+  add(settings.layers);
   return text;
 }
 

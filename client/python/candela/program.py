@@ -33,6 +33,11 @@ class SceneSettings(TypedDict, total=False):
     sampler: str
     isa: str
     aov: Union[str, Sequence[str]]  # layers of what the camera sees first, such as ["albedo", "normal"]
+    layers: Union[str, Mapping[str, str]]  # expressions by the names of layers, such as {"caustics": "LS+DE"}
+    regions: Mapping[str, str]  # for @NAME in expressions, such as {"box": "box:0,0,0,1,1,1"}
+    glossy_below: float
+    light_groups: bool
+    partition: bool
     lenient: bool  # warn of unknown parameters of the scene, and go on
 
 
@@ -93,10 +98,15 @@ def scene_arguments(settings: Mapping[str, Any]) -> list[str]:
             arguments += ["--size", size_text(value)]
         elif key == "aov":
             arguments += ["--aov", value if isinstance(value, str) else ",".join(value) or "none"]
-        elif key == "lenient":
-            arguments += ["--lenient"] if value else []
+        elif key == "layers" and isinstance(value, str):
+            arguments += ["--layer", value]
+        elif key in ("layers", "regions"):
+            for name, inner in pairs_of(key, value):
+                arguments += [f"--{key[:-1]}", f"{name}={inner}"]
+        elif key in ("lenient", "light_groups", "partition"):
+            arguments += [f"--{key.replace('_', '-')}"] if value else []
         else:
-            arguments.append(f"--{key}={text_of(value)}")
+            arguments.append(f"--{key.replace('_', '-')}={text_of(value)}")
     return arguments
 
 

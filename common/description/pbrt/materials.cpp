@@ -96,7 +96,13 @@ Result<Surface> Materials::surface(const MaterialName& name) {
                     fmt::format("materials are nested deeper than {} levels", max_mix_depth));
   definition->open = true;
   ++depth_;
-  CANDELA_ASSIGN(const Surface surface, read(*definition));
+  CANDELA_ASSIGN(Surface surface, read(*definition));
+  if (!name.name.empty() && surface.bsdf) {
+    const std::shared_ptr<Object> named = std::make_shared<Object>(*surface.bsdf);
+    named->id = name.name;
+    CANDELA_TRY(context_.budget().charge(memory_of(*named), definition->where, "materials"));
+    surface.bsdf = named;
+  }
   --depth_;
   definition->open = false;
   CANDELA_TRY(context_.refuse_unused(definition->parameters, fmt::format("material '{}'", definition->type)));

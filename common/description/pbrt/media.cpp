@@ -212,7 +212,9 @@ Result<void> Media::define(MediumEntity entity) {
   parameters.ignore({"Le", "Lescale", "temperature", "temperaturescale", "temperatureoffset"});
   CANDELA_ASSIGN(ObjectPtr medium, read(entity, type));
   if (known) CANDELA_TRY(context_.refuse_unused(parameters, fmt::format("medium '{}'", type)));
-  media_.emplace(name, std::move(medium));
+  const std::shared_ptr<Object> named = std::make_shared<Object>(*medium);
+  named->id = name;
+  media_.emplace(name, named);
   return {};
 }
 

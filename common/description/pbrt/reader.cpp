@@ -362,6 +362,7 @@ class Reader {
     }
     ObjectPtr& group = groups_[instance.name];
     const std::shared_ptr<Object> shapes = make("shape", "shapegroup", instance.where);
+    shapes->id = instance.name;
     CANDELA_TRY(add_shapes(found->second, *shapes));
     if (shapes->children.empty()) {
       context_.differs(instance.where,

@@ -1,0 +1,94 @@
+// candela objects: the names of a scene that light path expressions know.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <memory>
+#include <ostream>
+
+#include "client/commands/commands.h"
+#include "client/context.h"
+#include "client/json.h"
+#include "client/values.h"
+#include "common/description/object_list.h"
+
+namespace candela::client {
+namespace {
+
+struct ObjectsOptions {
+  SceneOptions scene;
+  bool json = false;
+};
+
+std::string kinds_text(const description::NamedObjects& row) {
+  std::vector<std::string> parts;
+  for (const auto& [kind, count] : row.kinds)
+    parts.push_back(count == 1 ? printable(kind) : fmt::format("{} {}", count, printable(kind)));
+  return join(parts, ", ");
+}
+
+std::string bounds_text(const description::NamedObjects& row) {
+  if (!row.bounds) return "-";
+  const auto& [low, high] = *row.bounds;
+  const auto point = [](const description::Vec3& p) {
+    return fmt::format("{:.4g},{:.4g},{:.4g}", p[0], p[1], p[2]);
+  };
+  return low == high ? point(low) : fmt::format("{} to {}", point(low), point(high));
+}
+
+void print(std::ostream& out, std::string_view title, const std::vector<description::NamedObjects>& rows) {
+  if (rows.empty()) return;
+  constexpr std::size_t widest = 40;
+  std::size_t width = title.size();
+  for (const auto& row : rows) width = std::max(width, std::min(printable(row.name).size(), widest));
+  out << fmt::format("{:<{}} {:>7}  {:<24} {}\n", title, width, "COUNT", "KIND", "BOUNDS");
+  for (const auto& row : rows)
+    out << fmt::format("{:<{}} {:>7}  {:<24} {}\n", row.name.empty() ? "(no name)" : printable(row.name),
+                       width, row.count(), kinds_text(row), bounds_text(row));
+}
+
+Result<int> run_objects(Context& context, const ObjectsOptions& options) {
+  CANDELA_ASSIGN(const auto parameters, parse_assignments(options.scene.defines, "-D"));
+  CANDELA_ASSIGN(const std::uint64_t memory, scene_memory_bytes(options.scene));
+  CANDELA_ASSIGN(const bundle::GatheredScene gathered,
+                 bundle::gather(options.scene.scene, parameters, options.scene.reading(), memory));
+  const description::ObjectList list = description::list_objects(*gathered.description.scene);
+  if (options.json) {
+    context.out << objects_json(list) << '\n';
+    return 0;
+  }
+  print(context.out, "SURFACE", list.surfaces);
+  print(context.out, "LAMP", list.lamps);
+  print(context.out, "MEDIUM", list.media);
+  return 0;
+}
+
+}  // namespace
+
+void add_objects(CLI::App& app, Context& context) {
+  auto options = std::make_shared<ObjectsOptions>();
+  CLI::App* sub = app.add_subcommand("objects",
+                                     "List the surfaces, lamps and media of a scene by the names that light "
+                                     "path expressions (--layer) know, with "
+                                     "numbers of shapes, and bounds where the scene file has them");
+  SceneOptions& scene = options->scene;
+  sub->add_option("scene", scene.scene, "Scene file (Mitsuba XML, or pbrt)")->required()->type_name("SCENE");
+  add_texts(*sub, "-D,--define", scene.defines, "Set a $parameter of the scene; may be repeated",
+            "NAME=VALUE");
+  add_text(
+      *sub, "--integrator", scene.integrator,
+      "Integrator to use instead of the scene's; it keeps the scene's values of parameters that both have",
+      "NAME");
+  sub->add_flag(
+      "--lenient", scene.lenient,
+      "Accept unknown parameters, elements and plugins: warn, and leave them out or use the nearest known "
+      "plugin");
+  add_text(*sub, "--scene-memory", scene.scene_memory,
+           "Maximum memory for reading the scene, such as 500M or 20G; default: half of the memory", "SIZE");
+  sub->add_flag("--json", options->json, "Print JSON");
+  sub->callback([&context, options] {
+    context.command = [&context, options] { return run_objects(context, *options); };
+  });
+}
+
+}  // namespace candela::client
