@@ -24,6 +24,17 @@ CLI::Option* add_texts(CLI::App& app, const std::string& names, std::vector<std:
   return app.add_option(names, values, doc)->type_name(type)->allow_extra_args(false);
 }
 
+void add_positional(CLI::App& app, const std::string& name, std::optional<std::string>& value,
+                    const std::string& doc, const std::string& type) {
+  app.add_option_function<std::string>(
+         name, [&value](const std::string& text) { value = text; }, doc)
+      ->type_name(type);
+}
+
+void add_job_words(CLI::App& app, std::vector<std::string>& words, const std::string& doc) {
+  app.add_option("ids", words, doc)->required()->type_name("ID...");
+}
+
 void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
   app.add_option("scene", options.scene, "Scene file (Mitsuba XML, or pbrt)")->required()->type_name("SCENE");
   add_texts(app, "-D,--define", options.defines, "Set a $parameter of the scene; may be repeated",

@@ -35,6 +35,12 @@ CLI::Option* add_text(CLI::App& app, const std::string& names, std::optional<std
 CLI::Option* add_texts(CLI::App& app, const std::string& names, std::vector<std::string>& values,
                        const std::string& doc, const std::string& type);
 
+// An argument that may be absent.
+void add_positional(CLI::App& app, const std::string& name, std::optional<std::string>& value,
+                    const std::string& doc, const std::string& type);
+// The ids or names of a command that may be about several jobs.
+void add_job_words(CLI::App& app, std::vector<std::string>& words, const std::string& doc);
+
 // SCENE, -D, --integrator, --lenient, --set, --iterations, --time, --until, --indices, --seed, --size,
 // --filter,
 // --sampler, --isa.

@@ -300,18 +300,24 @@ Result<v1::ListJobsResponse> FarmClient::list_jobs(const JobQuery& query) {
   v1::ListJobsRequest request;
   request.mutable_states()->Assign(query.states.begin(), query.states.end());
   request.set_page_token(query.page_token);
+  request.set_name(query.name);
+  request.set_submitter(query.submitter);
+  request.set_fold(query.fold);
+  request.set_group_id(query.group_id);
+  const auto size = [&] { return static_cast<std::uint64_t>(all.jobs_size() + all.groups_size()); };
   for (;;) {
-    const std::uint64_t left = query.limit - static_cast<std::uint64_t>(all.jobs_size());
+    const std::uint64_t left = query.limit - size();
     request.set_page_size(static_cast<std::uint32_t>(std::min(left, kPage)));
     CANDELA_ASSIGN(v1::ListJobsResponse page,
                    state_->unary<v1::ListJobsResponse>(&v1::FarmService::Stub::ListJobs, request));
     for (v1::JobStatus& job : *page.mutable_jobs()) *all.add_jobs() = std::move(job);
+    for (v1::GroupStatus& group : *page.mutable_groups()) *all.add_groups() = std::move(group);
     all.set_total(page.total());
     all.set_next_page_token(page.next_page_token());
     // A page may be empty where its jobs have changed; a master that repeats a token is not followed for
     // ever.
     if (page.next_page_token().empty() || page.next_page_token() == request.page_token() ||
-        static_cast<std::uint64_t>(all.jobs_size()) >= query.limit)
+        size() >= query.limit)
       return all;
     request.set_page_token(page.next_page_token());
   }
@@ -321,6 +327,42 @@ Result<v1::JobStatus> FarmClient::get_job(const std::string& id) {
   v1::GetJobRequest request;
   request.set_job_id(id);
   return state_->unary<v1::JobStatus>(&v1::FarmService::Stub::GetJob, request);
+}
+
+Result<v1::FindJobsResponse> FarmClient::find_jobs(const std::vector<std::string>& words) {
+  v1::FindJobsRequest request;
+  request.mutable_words()->Assign(words.begin(), words.end());
+  v1::FindJobsResponse response;
+  bool unknown_call = false;
+  const Result<void> done = state_->repeat([&](grpc::ClientContext& context) {
+    response.Clear();
+    const grpc::Status status = state_->stub->FindJobs(&context, request, &response);
+    unknown_call = status.error_code() == grpc::StatusCode::UNIMPLEMENTED;
+    return status;
+  });
+  if (!done.ok() && !unknown_call) return done.error();
+  if (!done.ok()) {
+    response.Clear();
+    for (const std::string& word : words) {
+      v1::FoundJobs& found = *response.add_found();
+      found.set_word(word);
+      found.set_total(1);
+      found.add_jobs()->set_id(word);
+    }
+  }
+  return response;
+}
+
+Result<v1::GroupStatus> FarmClient::get_group(const std::string& id) {
+  v1::GetGroupRequest request;
+  request.set_group_id(id);
+  return state_->unary<v1::GroupStatus>(&v1::FarmService::Stub::GetGroup, request);
+}
+
+Result<v1::GroupStatus> FarmClient::steer_group(v1::SteerGroupRequest request) {
+  if (request.has_extend() && request.extend().idempotency_token().empty())
+    request.mutable_extend()->set_idempotency_token(random_token());
+  return state_->unary<v1::GroupStatus>(&v1::FarmService::Stub::SteerGroup, request);
 }
 
 Result<v1::JobStatus> FarmClient::pause_job(const std::string& id) {

@@ -63,15 +63,24 @@ class FarmClient {
   // Precondition: request.idempotency_token is not empty, for it may be sent twice.
   Result<v1::SubmitResponse> submit(const v1::SubmitRequest& request);
 
-  // The newest `limit` jobs, the newest first: of these states (none: all), and after the place that
-  // `page_token` tells (empty: from the newest). The answer's next_page_token goes on.
+  // The newest `limit` jobs (with `fold` and groups), the newest first: of these states (none: all), and
+  // after the place that `page_token` tells (empty: from the newest). The answer's next_page_token goes on.
   struct JobQuery {
     std::uint64_t limit = ~std::uint64_t{0};
     std::string page_token = {};
     std::vector<v1::JobState> states = {};
+    std::string name = {};       // a pattern of a shell
+    std::string submitter = {};  // with TLS the master takes that of the certificate
+    bool fold = false;           // groups in place of their frames
+    std::string group_id = {};   // the frames of this one
   };
   Result<v1::ListJobsResponse> list_jobs(const JobQuery& query);
   Result<v1::JobStatus> get_job(const std::string& id);
+  // What each of these words may mean. A master that cannot tell has each word taken for an id.
+  Result<v1::FindJobsResponse> find_jobs(const std::vector<std::string>& words);
+  Result<v1::GroupStatus> get_group(const std::string& id);
+  // An extension gets a token, by which a repeated call adds once.
+  Result<v1::GroupStatus> steer_group(v1::SteerGroupRequest request);
   Result<v1::JobStatus> pause_job(const std::string& id);
   Result<v1::JobStatus> resume_job(const std::string& id);
   Result<v1::JobStatus> cancel_job(const std::string& id);

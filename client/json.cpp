@@ -13,6 +13,12 @@ std::string submitted_json(const std::string& id, bool existed, std::uint64_t up
   return json_text({{"id", id}, {"existed", existed}, {"uploaded_bytes", uploaded_bytes}});
 }
 
+std::string submitted_group_json(const std::string& id, std::size_t frames, std::size_t existed,
+                                 std::uint64_t uploaded_bytes) {
+  return json_text(
+      {{"id", id}, {"frames", frames}, {"existed", existed}, {"uploaded_bytes", uploaded_bytes}});
+}
+
 std::string comparison_json(const stats::ImageComparison& c, const stats::ImageDifference* d,
                             bool has_variance, bool reference_has_variance) {
   const auto rgb = [](const auto& v) { return Json{finite(v[0]), finite(v[1]), finite(v[2])}; };

@@ -9,6 +9,8 @@
 
 namespace candela::client {
 
+std::string submitted_group_json(const std::string& id, std::size_t frames, std::size_t existed,
+                                 std::uint64_t uploaded_bytes);
 std::string submitted_json(const std::string& id, bool existed, std::uint64_t uploaded_bytes);
 // `difference`: null where neither file has variances.
 std::string comparison_json(const stats::ImageComparison& comparison,

@@ -15,14 +15,26 @@
 namespace candela::client {
 namespace fs = std::filesystem;
 
+namespace {
+
+constexpr std::string_view kEitherOption = "--output";  // may name an EXR or a PNG
+
+std::string extension_of(const std::string& path) {
+  std::string out = fs::path(path).extension().string();
+  std::transform(out.begin(), out.end(), out.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  return out;
+}
+
+}  // namespace
+
 Result<void> check_output_path(const std::string& path, std::string_view extension, std::string_view option) {
   const auto bad = [&](std::string message) {
     return usage_error(fmt::format("{}: {}", printable(path), message)).with_field(std::string(option));
   };
-  std::string actual = fs::path(path).extension().string();
-  std::transform(actual.begin(), actual.end(), actual.begin(),
-                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
-  if (actual != extension) return bad(fmt::format("the name does not end in {}", extension));
+  if (extension_of(path) != extension)
+    return bad(fmt::format("the name does not end in {}{}", extension,
+                           option == kEitherOption && extension == ".exr" ? " or .png" : ""));
   std::error_code code;
   const fs::file_status there = fs::status(path, code);
   if (fs::exists(there) && !fs::is_regular_file(there)) return bad("this is not a regular file");
@@ -36,6 +48,35 @@ Result<void> check_output_path(const std::string& path, std::string_view extensi
       return bad(fmt::format("cannot write into the folder {}: {}", shown, std::strerror(errno)));
   }
   return {};
+}
+
+Result<ImageOutput> outputs_of(const std::optional<std::string>& output,
+                               const std::optional<std::string>& png, const std::string& otherwise) {
+  ImageOutput out{output ? *output : otherwise.empty() ? "" : otherwise + ".exr", png.value_or("")};
+  if (extension_of(out.exr) != ".png") return out;
+  if (png)
+    return usage_error(fmt::format("{} and {} are two PNGs", printable(out.exr), printable(*png)))
+        .with_field("--output")
+        .with_mend("give -o an .exr, or leave --png out");
+  out.png = std::exchange(out.exr, {});
+  return out;
+}
+
+Result<void> check_layers(const ImageOutput& output,
+                          std::initializer_list<std::pair<bool, const char*>> layers) {
+  if (!output.exr.empty()) return {};
+  for (const auto& [given, option] : layers)
+    if (given)
+      return usage_error("a PNG has no layers").with_field(option).with_mend("write an EXR: -o FILE.exr");
+  return {};
+}
+
+std::string png_note(const ImageOutput& output) {
+  if (!output.exr.empty() || output.png.empty()) return {};
+  return fmt::format(
+      "{} has 8 bits a channel, clipped to 1, and neither layers nor what `candela reproduce` and `candela "
+      "compare` need; -o FILE.exr keeps all",
+      printable(output.png));
 }
 
 Result<void> check_output(const ImageOutput& output) {

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <filesystem>
+#include <initializer_list>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "common/base/result.h"
 
@@ -18,6 +20,17 @@ struct ImageOutput {
 // The path ends in `extension`, its folder exists and can be written, and no folder or device is in its
 // place. If the path is a symbolic link, its target's folder exists and can be written too.
 Result<void> check_output_path(const std::string& path, std::string_view extension, std::string_view option);
+// The outputs that -o and --png ask for. An -o that ends in .png is the PNG; without -o the EXR has the name
+// of `otherwise`, if that is not empty. Errors (usage): two PNGs.
+Result<ImageOutput> outputs_of(const std::optional<std::string>& output,
+                               const std::optional<std::string>& png, const std::string& otherwise);
+// Refuses layers if no EXR is written, which alone has layers: the options that ask for some, and whether
+// each is given.
+Result<void> check_layers(const ImageOutput& output,
+                          std::initializer_list<std::pair<bool, const char*>> layers);
+// What a PNG alone lacks; empty if an EXR is written, too.
+std::string png_note(const ImageOutput& output);
+
 Result<void> check_output(const ImageOutput& output);
 
 // Writes the EXR's bytes, and the PNG made of them.

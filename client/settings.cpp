@@ -391,7 +391,8 @@ Result<std::uint64_t> scene_memory_bytes(const SceneOptions& options) {
       .with_field(options.scene_memory ? "--scene-memory" : config.origin(key));
 }
 
-Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts& facts) {
+Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts& facts,
+                               bundle::FileHashes* hashes) {
   // A bad option is told at once, not after a scene of gigabytes was hashed.
   CANDELA_ASSIGN(const auto parameters, parse_assignments(options.defines, "-D"));
   CANDELA_TRY(parse_assignments(options.sets, "--set"));
@@ -406,7 +407,7 @@ Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts&
   if (options.seed) CANDELA_TRY(parse_count(*options.seed, "--seed", 0, UINT64_MAX));
   CANDELA_ASSIGN(const std::uint64_t memory, scene_memory_bytes(options));
   CANDELA_ASSIGN(bundle::GatheredScene gathered,
-                 bundle::gather(options.scene, parameters, options.reading(), memory));
+                 bundle::gather(options.scene, parameters, options.reading(), memory, hashes));
   CANDELA_ASSIGN(PreparedJob job, prepare_job(gathered.description, options, facts));
   return LoadedScene{std::move(gathered), std::move(job),
                      std::filesystem::absolute(options.scene).parent_path(), memory, options.scene};

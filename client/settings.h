@@ -21,6 +21,11 @@ namespace candela::client {
 
 struct LoadedScene;
 
+// A setting of an integrator, as `candela help INTEGRATOR` prints it.
+struct IntegratorSetting {
+  std::string name, type, default_value, doc;
+};
+
 // What the client must know of the renderer, without linking it: injected by the program.
 struct RendererFacts {
   std::function<std::vector<std::string>()> integrator_names;
@@ -28,6 +33,7 @@ struct RendererFacts {
   std::function<Result<SettingsMap>(const std::string& integrator, const SettingsMap& from_scene,
                                     const SettingsMap& from_user)>
       complete_settings;
+  std::function<Result<std::vector<IntegratorSetting>>(const std::string& integrator)> setting_docs;
   std::function<std::vector<std::string>()> supported_isas;  // that this machine's Embree can use
   // The work that a job asks of the farm: of these settings with any scene at most, and of this scene, which
   // is loaded for that. Empty: nothing is known.
@@ -92,7 +98,9 @@ struct LoadedScene {
   std::uint64_t memory_bytes = 0;  // that reading it may take; 0: the default
   std::string path = {};           // of the scene file, as typed
 };
-Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts& facts);
+// `hashes`: of other scenes that share files; null: there are none.
+Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts& facts,
+                               bundle::FileHashes* hashes = nullptr);
 
 // --scene-memory, else that of the configuration; 0: neither is given.
 Result<std::uint64_t> scene_memory_bytes(const SceneOptions& options);

@@ -84,6 +84,8 @@ Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const
   // A path that cannot be shown is not told; the job is the same without.
   if (escape_unprintable(scene.path) == scene.path && scene.path.size() <= Limits::max_path_bytes)
     request.set_scene_path(scene.path);
+  if (submission.frame) *request.mutable_frame() = *submission.frame;
+  request.mutable_depends()->Assign(submission.depends.begin(), submission.depends.end());
   request.set_priority(submission.priority);
   request.set_share(submission.share);
   request.set_submitter(wire::user_at_host());
@@ -95,7 +97,7 @@ Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const
       response.error().field == "bundle.files")
     response = upload_and_submit(farm, scene, request, progress, uploaded);
   if (!response.ok()) return std::move(response).error();
-  return Submitted{response->job_id(), response->existed(), uploaded};
+  return Submitted{response->job_id(), response->existed(), uploaded, response->group_id()};
 }
 
 }  // namespace candela::client

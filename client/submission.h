@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "client/farm_client.h"
 #include "client/progress.h"
@@ -14,13 +16,16 @@ struct Submission {
   std::string name;
   std::int32_t priority = 0;
   double share = 1;
-  std::string token;  // idempotency; empty: a random one, so that our own retries are safe
+  std::optional<v1::Frame> frame;    // of a group
+  std::vector<std::string> depends;  // ids
+  std::string token;                 // idempotency; empty: a random one, so that our own retries are safe
 };
 
 struct Submitted {
   std::string job_id;
   bool existed = false;  // an earlier call with this token made it
   std::uint64_t uploaded_bytes = 0;
+  std::string group_id = {};
 };
 
 // Nothing is uploaded for a job whose statistics the master has no memory for.

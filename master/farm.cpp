@@ -16,8 +16,23 @@
 
 namespace candela::master {
 
+namespace {
+
+constexpr std::string_view kAlphabet = "abcdefghijkmnpqrstuvwxyz23456789";  // 32
+
+}  // namespace
+
+std::string id_from(std::string_view prefix, std::string_view hex_digits) {
+  constexpr std::size_t kCharacters = 10;
+  std::string out(prefix);
+  for (std::size_t i = 0; i + 1 < hex_digits.size() && out.size() < prefix.size() + kCharacters; i += 2) {
+    const auto value = [](char c) { return static_cast<unsigned>(c <= '9' ? c - '0' : c - 'a' + 10); };
+    out += kAlphabet[(16 * value(hex_digits[i]) + value(hex_digits[i + 1])) & 31U];
+  }
+  return out;
+}
+
 std::string random_id(std::string_view prefix, int characters) {
-  constexpr std::string_view kAlphabet = "abcdefghijkmnpqrstuvwxyz23456789";  // 32
   std::string bytes(static_cast<std::size_t>(characters), '\0');
   std::size_t have = 0;
   while (have < bytes.size()) {
@@ -206,6 +221,7 @@ Result<std::optional<std::string>> Farm::choose_id(const Scheduler& s, JobRow& r
   }
   if (s.jobs().size() >= SchedulerOptions{}.max_jobs)
     return resource_error(fmt::format("the farm has its limit of {} jobs", SchedulerOptions{}.max_jobs));
+  CANDELA_TRY(place_in_group(s, row));
   do row.id = random_id("j", 10);
   while (s.job(row.id) != nullptr);
   return std::optional<std::string>();
@@ -310,8 +326,13 @@ Result<void> Farm::change(const std::string& job_id,
   return {};
 }
 
-Result<JobStatus> Farm::extend(const std::string& job_id, const Extension& extension) {
+void Farm::remember_extension(const std::string& token) {
   constexpr std::size_t kExtensions = 10000;
+  extensions_.push_back(token);
+  if (extensions_.size() > kExtensions) extensions_.pop_front();
+}
+
+Result<JobStatus> Farm::extend(const std::string& job_id, const Extension& extension) {
   const auto known = [&](Scheduler&) {
     return !extension.token.empty() &&
            std::find(extensions_.begin(), extensions_.end(), extension.token) != extensions_.end();
@@ -325,9 +346,7 @@ Result<JobStatus> Farm::extend(const std::string& job_id, const Extension& exten
       [&](Scheduler& s, Now t) -> Result<void> {
         if (known(s)) return {};
         CANDELA_TRY(s.extend(job_id, extension.iterations, extension.time_seconds, extension.relmse, t));
-        if (extension.token.empty()) return {};
-        extensions_.push_back(extension.token);
-        if (extensions_.size() > kExtensions) extensions_.pop_front();
+        if (!extension.token.empty()) remember_extension(extension.token);
         return {};
       },
       true);

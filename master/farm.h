@@ -54,6 +54,14 @@ struct Extension {
   std::string token = {};  // two calls with one token extend once; empty: none
 };
 
+// What is done to all frames of a group.
+struct GroupAction {
+  enum class Kind : std::uint8_t { pause, resume, cancel, priority, extend };
+  Kind kind = Kind::pause;
+  std::int32_t priority = 0;
+  Extension extension = {};
+};
+
 // The merged units of a job and the film's own account of them, for audits.
 struct Ledger {
   // Sequence indices of one half.
@@ -121,6 +129,12 @@ class Farm final : public TruthFarm {
                       const std::function<Result<void>(Scheduler&, Now)>& change) override;
   Result<JobStatus> extend(const std::string& job_id, const Extension& extension);
   Result<JobStatus> resume(const std::string& job_id);
+  // Groups: farm_groups.cpp. Frames that cannot be changed stay as they are; if none can, the error is that
+  // of the first.
+  Result<GroupStatus> steer_group(const std::string& group_id, const GroupAction& action);
+  std::optional<GroupStatus> group_status(const std::string& group_id);
+  // The id of the group that this submitter's token means.
+  static std::string group_id_of(const std::string& submitter, const std::string& token);
   // A job that only its folder knew. Precondition: its row and bundle are in the store already.
   Result<void> take_in(Manifest manifest) override;
   Result<Ledger> ledger(const std::string& job_id);
@@ -167,6 +181,10 @@ class Farm final : public TruthFarm {
   // The id of the job that was submitted with the same token; otherwise nothing, and `row` has a new id.
   // Precondition: called inside with_scheduler().
   Result<std::optional<std::string>> choose_id(const Scheduler& s, JobRow& row) const;
+  // A new job's dependencies are there, and it gets its group's priority and share.
+  Result<void> place_in_group(const Scheduler& s, JobRow& row) const;
+  // Precondition: called inside with_scheduler().
+  void remember_extension(const std::string& token);
   void start_thread(const char* what, std::function<void()> loop);
   void tick_loop();
 
@@ -208,5 +226,7 @@ class Farm final : public TruthFarm {
 // A random identifier: prefix and `characters` of base32 (lower case, no look-alikes), from the kernel's
 // generator.
 std::string random_id(std::string_view prefix, int characters);
+// An identifier of that form made of the first digits of a hash.
+std::string id_from(std::string_view prefix, std::string_view hex_digits);
 
 }  // namespace candela::master

@@ -8,6 +8,7 @@
 #include "client/commands/commands.h"
 #include "client/context.h"
 #include "client/signals.h"
+#include "client/table.h"
 #include "client/values.h"
 #include "client/worker_choice.h"
 #include "common/wire/json.h"
@@ -25,6 +26,15 @@ std::string age_text(std::int64_t unix_ms) {
   const auto now = std::chrono::duration_cast<std::chrono::milliseconds>(
       std::chrono::system_clock::now().time_since_epoch());
   return format_duration(std::max<double>(0, static_cast<double>(now.count() - unix_ms) / 1000)) + " ago";
+}
+
+// "cornell (j3k2x) of ann@desk", of each job that it has units of.
+std::string work_text(const v1::WorkerStatus& worker) {
+  std::vector<std::string> jobs;
+  for (const v1::JobName& job : worker.work())
+    jobs.push_back(fmt::format("{} ({}){}", printable(job.name()), printable(job.short_id()),
+                               job.submitter().empty() ? "" : " of " + printable(job.submitter())));
+  return jobs.empty() ? "-" : fmt::format("{}", join(jobs, ", "));
 }
 
 // One worker's new state, as the command was asked to print it.
@@ -89,15 +99,13 @@ Result<int> run_workers(Context& context, const FleetOptions& options) {
     context.err << "no workers\n";
     return print_distrusted();
   }
-  context.out << fmt::format("{:<14} {:<10} {:>7} {:>8} {:>7}  {:<12} {:<20} {}\n", "ID", "STATE", "THREADS",
-                             "MERGED", "FAILED", "SEEN", "HOST", "NAME");
-  for (const auto& w : response.workers()) {
-    context.out << fmt::format("{:<14} {:<10} {:>7} {:>8} {:>7}  {:<12} {:<20} {}", printable(w.id()),
-                               printable(w.state()), w.threads(), w.units_merged(), w.units_failed(),
-                               age_text(w.last_seen_unix_ms()), printable(w.host()), printable(w.name()));
-    if (!w.message().empty()) context.out << "  (" << printable(w.message()) << ")";
-    context.out << '\n';
-  }
+  Table table({"ID", "STATE", ">THREADS", ">MERGED", ">FAILED", "SEEN", "HOST", "NAME", "JOB"});
+  for (const auto& w : response.workers())
+    table.add({printable(w.id()), printable(w.state()), fmt::format("{}", w.threads()),
+               fmt::format("{}", w.units_merged()), fmt::format("{}", w.units_failed()),
+               age_text(w.last_seen_unix_ms()), printable(w.host()), printable(w.name()),
+               work_text(w) + (w.message().empty() ? "" : "  (" + printable(w.message()) + ")")});
+  context.out << table.text();
   return print_distrusted();
 }
 

@@ -8,6 +8,7 @@
 #include "client/commands/commands.h"
 #include "client/commands/waiting.h"
 #include "client/context.h"
+#include "client/jobs_of_words.h"
 #include "client/values.h"
 #include "common/wire/json.h"
 #include "common/wire/wire.h"
@@ -36,8 +37,13 @@ void print_report(std::ostream& out, const v1::JobReport& report) {
 
 Result<int> run_verify(Context& context, const VerifyOptions& options) {
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  std::string id;
+  if (!options.id.empty()) {
+    CANDELA_ASSIGN(const v1::JobName job, job_of_word(*farm, options.id));
+    id = job.id();
+  }
   std::size_t jobs = 0, damaged = 0;
-  CANDELA_TRY(farm->verify_jobs(options.id, [&](const v1::JobReport& report) {
+  CANDELA_TRY(farm->verify_jobs(id, [&](const v1::JobReport& report) {
     jobs += report.job_id().empty() ? 0 : 1;
     damaged += report.findings_size() > 0 ? 1 : 0;
     if (options.json)
@@ -55,7 +61,13 @@ Result<int> run_verify(Context& context, const VerifyOptions& options) {
 
 Result<int> run_repair(Context& context, const VerifyOptions& options) {
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
-  CANDELA_ASSIGN(const v1::JobStatus status, farm->repair_job(options.id));
+  // The job may be one that the store does not know: then the word is its id.
+  std::string id = options.id;
+  if (const auto job = job_of_word(*farm, options.id); job.ok())
+    id = job->id();
+  else if (job.error().kind != ErrorKind::refused)
+    return job.error();
+  CANDELA_ASSIGN(const v1::JobStatus status, farm->repair_job(id));
   if (options.json && !options.wait)
     context.out << wire::job_json(status) << '\n';
   else if (status.repairing())
@@ -65,7 +77,7 @@ Result<int> run_repair(Context& context, const VerifyOptions& options) {
     context.err << fmt::format("job {} is {}, nothing is lost\n", printable(status.id()),
                                wire::name(status.state()));
   if (!options.wait) return 0;
-  return wait_for_job(context, *farm, options.id, {options.quiet, options.json, false, {}});
+  return wait_for_job(context, *farm, id, {options.quiet, options.json, false, {}});
 }
 
 }  // namespace
@@ -75,7 +87,7 @@ void add_verify(CLI::App& app, Context& context) {
   CLI::App* sub = app.add_subcommand("verify",
                                      "Check the files of a job, or of all jobs, on the master for lost or "
                                      "damaged data; exits with 1 if there is any");
-  sub->add_option("id", options->id, "Only this job")->type_name("ID");
+  sub->add_option("id", options->id, "Only this job: its id, the beginning, or its name")->type_name("ID");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print a line of JSON for each job");
   sub->callback([&context, options] {
@@ -88,7 +100,9 @@ void add_repair(CLI::App& app, Context& context) {
   CLI::App* sub = app.add_subcommand("repair",
                                      "Render again the samples that an ended job has lost; or add again a "
                                      "job that the master's store has lost");
-  sub->add_option("id", options->id, "The job")->required()->type_name("ID");
+  sub->add_option("id", options->id, "The job: its id, the beginning, or its name")
+      ->required()
+      ->type_name("ID");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--wait", options->wait, "Wait until the job has ended again; exits with its result");
   sub->add_flag("--quiet", options->quiet, "With --wait: print no progress");

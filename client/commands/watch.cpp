@@ -6,6 +6,8 @@
 
 #include "client/commands/commands.h"
 #include "client/commands/waiting.h"
+#include "client/commands/watch_many.h"
+#include "client/jobs_of_words.h"
 #include "client/values.h"
 
 namespace candela::client {
@@ -13,8 +15,8 @@ namespace {
 
 struct WatchOptions {
   FarmOptions farm;
-  std::string id, output;
-  std::optional<std::string> png, estimator, half;
+  std::vector<std::string> ids;
+  std::optional<std::string> output, png, estimator, half;
   PreviewOptions preview;
   bool quiet = false, json = false, error_layer = false, chain_layers = false, partial = false,
        layers = false, variance_layer = false;
@@ -22,23 +24,30 @@ struct WatchOptions {
 
 Result<int> run_watch(Context& context, const WatchOptions& options) {
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
-  return wait_for_job(context, *farm, options.id, {options.quiet, options.json, false, {}, options.preview});
+  CANDELA_ASSIGN(const std::vector<v1::JobName> jobs, jobs_of_words(*farm, options.ids));
+  if (jobs.size() == 1 && !jobs.front().group())
+    return wait_for_job(context, *farm, jobs.front().id(),
+                        {options.quiet, options.json, false, {}, options.preview});
+  if (options.preview.tev)
+    return usage_error("the viewer shows one job").with_field("--tev").with_mend("watch one job");
+  return wait_for_jobs(context, *farm, jobs, options.quiet, options.json);
 }
 
-Result<int> run_fetch(const WatchOptions& options) {
-  const ImageOutput output{options.output, options.png.value_or("")};
-  if (output.exr.empty() && output.png.empty())
-    return usage_error("no output is given").with_mend("use -o out.exr, --png out.png or both");
-  CANDELA_TRY(check_output(output));
+Result<int> run_fetch(Context& context, const WatchOptions& options) {
   CANDELA_ASSIGN(const auto half, parse_half(options.half, options.error_layer, options.variance_layer));
+  // What needs no farm is told before it is asked.
+  if (options.output.value_or("").find('{') == std::string::npos &&
+      options.png.value_or("").find('{') == std::string::npos) {
+    CANDELA_ASSIGN(const ImageOutput output, outputs_of(options.output, options.png, ""));
+    CANDELA_TRY(check_output(output));
+  }
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
-  CANDELA_ASSIGN(
-      const std::string exr,
-      farm->fetch_image(options.id,
-                        {options.error_layer, output.exr.empty(), options.chain_layers, options.partial,
-                         options.layers, options.estimator.value_or(""), half, options.variance_layer}));
-  CANDELA_TRY(write_images(output, exr));
-  return 0;
+  CANDELA_ASSIGN(const std::vector<v1::JobName> jobs, jobs_of_words(*farm, options.ids));
+  return fetch_jobs(context, *farm, jobs,
+                    {options.output,
+                     options.png,
+                     {options.error_layer, false, options.chain_layers, options.partial, options.layers,
+                      options.estimator.value_or(""), half, options.variance_layer}});
 }
 
 }  // namespace
@@ -46,8 +55,8 @@ Result<int> run_fetch(const WatchOptions& options) {
 void add_watch(CLI::App& app, Context& context) {
   auto options = std::make_shared<WatchOptions>();
   CLI::App* sub =
-      app.add_subcommand("watch", "Show a job's progress until it has ended; exits with its result");
-  sub->add_option("id", options->id, "The job")->required()->type_name("ID");
+      app.add_subcommand("watch", "Show the progress of jobs until they have ended; exits with their result");
+  add_job_words(*sub, options->ids, "The jobs or groups: ids, their beginnings, or names");
   add_farm_options(*sub, options->farm);
   add_preview_options(*sub, options->preview, false);
   sub->add_flag("--quiet", options->quiet, "Print no progress, only wait");
@@ -60,8 +69,12 @@ void add_watch(CLI::App& app, Context& context) {
 void add_fetch(CLI::App& app, Context& context) {
   auto options = std::make_shared<WatchOptions>();
   CLI::App* sub = app.add_subcommand("fetch", "Get the image of all samples that are merged so far");
-  sub->add_option("id", options->id, "The job")->required()->type_name("ID");
-  sub->add_option("-o,--output", options->output, "Write the image here (.exr)")->type_name("FILE");
+  add_job_words(*sub, options->ids, "The jobs or groups: ids, their beginnings, or names");
+  add_text(
+      *sub, "-o,--output", options->output,
+      "Write the image here: an .exr, or a .png without layers and metadata; {name}, {id} and, of frames, "
+      "{frame} or {frame:4} (zeros in front) in it are the job's; default: the job's name and .exr",
+      "FILE");
   add_text(*sub, "--png", options->png, "Write the image as sRGB PNG", "FILE");
   sub->add_flag("--error-layer", options->error_layer,
                 "Add the layer 'error': the estimated standard deviation");
@@ -80,7 +93,9 @@ void add_fetch(CLI::App& app, Context& context) {
   sub->add_flag("--partial", options->partial,
                 "Get what is left of a job that has ended and has lost samples (see verify)");
   add_farm_options(*sub, options->farm);
-  sub->callback([&context, options] { context.command = [options] { return run_fetch(*options); }; });
+  sub->callback([&context, options] {
+    context.command = [&context, options] { return run_fetch(context, *options); };
+  });
 }
 
 }  // namespace candela::client

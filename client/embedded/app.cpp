@@ -6,12 +6,16 @@
 #include <algorithm>
 #include <cstdlib>
 #include <new>
+#include <optional>
 #include <ostream>
+#include <sstream>
 
 #include "client/commands/commands.h"
 #include "client/context.h"
 #include "client/embedded/commands.h"
 #include "client/help/command_tree.h"
+#include "client/help/integrator_help.h"
+#include "client/help/wrap.h"
 #include "client/values.h"
 #include "common/base/log.h"
 #include "common/base/path_options.h"
@@ -144,8 +148,15 @@ std::unique_ptr<CLI::App> make_parser(Context& context) {
   app->set_version_flag("--version", fmt::format("candela {}", version()), "Print the version");
   app->set_help_flag("-h,--help", "Print help");
   app->require_subcommand(0, 1);
-  app->footer("candela COMMAND --help says more about a command");
+  const std::string integrators = fmt::format("{}", join(context.facts.integrator_names(), ", "));
+  app->footer(
+      "candela COMMAND --help says more about a command, candela help INTEGRATOR about the settings of one "
+      "of: " +
+      integrators);
   add_commands(*app, context);
+  for (CLI::App* command : app->get_subcommands([](const CLI::App*) { return true; }))
+    if (CLI::Option* option = command->get_option_no_throw("--integrator"))
+      option->description(option->get_description() + ": " + integrators);
   add_examples(*app);
   refuse_empty_paths(*app);
   return app;
@@ -164,6 +175,39 @@ std::vector<std::string> spell_help(std::vector<std::string> arguments) {
 
 }  // namespace
 
+namespace {
+
+// "candela help vcm": prints its settings and returns the exit code; nothing if this is another command.
+std::optional<int> help_on_integrator(const std::vector<std::string>& given, const CLI::App& app,
+                                      const RendererFacts& facts, std::ostream& out, std::ostream& err) {
+  if (given.size() < 3 || given[1] != "help" || given[2].starts_with('-') || is_command(app, given[2]))
+    return std::nullopt;
+  const std::vector<std::string> names = facts.integrator_names();
+  if (std::find(names.begin(), names.end(), given[2]) == names.end()) {
+    if (!suggestion(given[2], command_names(app)).empty() || suggestion(given[2], names).empty())
+      return std::nullopt;
+    return report(err,
+                  fmt::format("there is no command or integrator '{}'{}", printable(given[2]),
+                              suggestion(given[2], names)),
+                  2);
+  }
+  const auto settings = facts.setting_docs(given[2]);
+  if (!settings.ok()) return report(err, settings.error().to_string(), settings.error().exit_code());
+  out << integrator_help(given[2], *settings, help_width()) << std::flush;
+  return 0;
+}
+
+// The help that the parser was asked for, as wide as the terminal.
+int print_help(const CLI::App& app, const CLI::Success& success, std::ostream& out, std::ostream& err) {
+  std::ostringstream text;
+  const int code = app.exit(success, text, err) == 0 ? 0 : 2;
+  const std::optional<std::size_t> width = help_width();
+  out << (width ? wrap_help(text.str(), *width) : text.str());
+  return code;
+}
+
+}  // namespace
+
 int run_program(const std::vector<std::string>& given, std::ostream& out, std::ostream& err) {
   const std::vector<std::string> arguments = spell_help(given);
   const char* level = std::getenv("CANDELA_LOG_LEVEL");
@@ -175,6 +219,7 @@ int run_program(const std::vector<std::string>& given, std::ostream& out, std::o
   Context context{out, err, renderer_facts(), arguments, {}};
   const std::unique_ptr<CLI::App> parser = make_parser(context);
   CLI::App& app = *parser;
+  if (const auto code = help_on_integrator(given, app, context.facts, out, err)) return *code;
 
   if (arguments.size() > 1 && !arguments[1].empty() && arguments[1][0] != '-' &&
       !is_command(app, arguments[1]))
@@ -195,7 +240,7 @@ int run_program(const std::vector<std::string>& given, std::ostream& out, std::o
     if (!arguments.empty()) reversed.assign(arguments.rbegin(), arguments.rend() - 1);
     app.parse(std::move(reversed));
   } catch (const CLI::Success& success) {
-    return app.exit(success, out, err) == 0 ? 0 : 2;  // help and version
+    return print_help(app, success, out, err);  // help and version
   } catch (const CLI::ParseError& error) {
     return report(err, explain(app, arguments, error), 2);
   }
@@ -203,7 +248,8 @@ int run_program(const std::vector<std::string>& given, std::ostream& out, std::o
     if (const auto checked = check_text(*command); !checked)
       return report(err, checked.error().to_string(), checked.error().exit_code());
   if (!context.command) {
-    err << app.help();
+    const std::optional<std::size_t> width = help_width();
+    err << (width ? wrap_help(app.help(), *width) : app.help());
     return report(err, "no command is given", 2);
   }
   try {

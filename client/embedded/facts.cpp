@@ -15,6 +15,12 @@ RendererFacts renderer_facts() {
     for (const auto& doc : docs) names.push_back(doc.name);
     return names;
   };
+  facts.setting_docs = [](const std::string& integrator) -> Result<std::vector<IntegratorSetting>> {
+    CANDELA_ASSIGN(const auto docs, render::integrator_settings(integrator));
+    std::vector<IntegratorSetting> out;
+    for (const auto& doc : docs) out.push_back({doc.name, doc.type, doc.default_value, doc.doc});
+    return out;
+  };
   facts.complete_settings = [](const std::string& integrator, const SettingsMap& from_scene,
                                const SettingsMap& from_user) {
     return render::complete_integrator_settings(integrator, from_scene, from_user);

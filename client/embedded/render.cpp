@@ -19,6 +19,7 @@
 #include "client/output.h"
 #include "client/preview/preview.h"
 #include "client/progress.h"
+#include "client/scene_name.h"
 #include "client/signals.h"
 #include "client/submission.h"
 #include "client/values.h"
@@ -220,11 +221,17 @@ std::string summary(const v1::JobStatus& status, const std::string& output) {
 }  // namespace
 
 Result<int> run_render(Context& context, const RenderOptions& options) {
-  const ImageOutput output{options.output, options.png.value_or("")};
+  const std::string name = scene_name(options.scene.scene);
+  CANDELA_ASSIGN(const ImageOutput output,
+                 outputs_of(options.output.empty() ? std::nullopt : std::optional(options.output),
+                            options.png, file_name_of(name)));
+  CANDELA_TRY(check_layers(output, {{options.error_layer, "--error-layer"},
+                                    {options.variance_layer, "--variance-layer"},
+                                    {options.layers, "--layers"},
+                                    {options.chain_layers, "--chain-layers"}}));
   CANDELA_TRY(check_output(output));
-  const std::string scene_file = std::filesystem::path(options.scene.scene).filename().string();
-  CANDELA_ASSIGN(PreviewPlan preview_plan,
-                 plan_preview(options.preview, "candela " + scene_file, output.png));
+  const std::string image = output.exr.empty() ? output.png : output.exr;
+  CANDELA_ASSIGN(PreviewPlan preview_plan, plan_preview(options.preview, "candela " + name, output.png));
   if (options.resume && options.fresh) return usage_error("--resume and --fresh exclude each other");
   CANDELA_ASSIGN(const std::vector<unsigned> threads, worker_threads(options));
   CANDELA_ASSIGN(const std::uint64_t texture_memory, texture_memory_bytes(options));
@@ -239,7 +246,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
                     : options.fresh ? StateFolder::Mode::fresh
                                     : StateFolder::Mode::create;
   CANDELA_ASSIGN(const std::unique_ptr<StateFolder> folder,
-                 StateFolder::open(StateFolder::path_for(options.output), mode));
+                 StateFolder::open(StateFolder::path_for(image), mode));
 
   const StopSignals signals;
   ProgressLine progress(context.err, ProgressLine::mode_for(options.quiet));
@@ -256,7 +263,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   }
   if (id.empty()) {
     Submission submission;
-    submission.name = scene_file.substr(0, Limits::max_name_bytes);
+    submission.name = name;
     auto submitted = submit_scene(*client, scene, context.facts, submission, progress);
     if (!submitted) {
       farm->stop();
@@ -310,9 +317,9 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   const auto lost = farm->workers_lost();
   if (options.page_stay && has_ended(last) && signals.pending() == 0) {
     if (!exr.empty()) CANDELA_TRY(write_images(output, exr));
-    context.err << fmt::format("candela: {}; the page stays until Ctrl-C\n",
-                               exr.empty() ? std::string("there is no image")
-                                           : "wrote " + summary(last, options.output))
+    context.err << fmt::format(
+                       "candela: {}; the page stays until Ctrl-C\n",
+                       exr.empty() ? std::string("there is no image") : "wrote " + summary(last, image))
                 << std::flush;
     while (!signals.wait_for(std::chrono::milliseconds(500))) {
     }
@@ -345,7 +352,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
         .with_mend(fmt::format("mend that, then go on with: {}", resume_command(context)));
   if (!has_ended(last)) {
     context.err << fmt::format("candela: stopped{}\ncandela: go on with: {}\n",
-                               last.units_merged() > 0 ? "; wrote " + summary(last, options.output)
+                               last.units_merged() > 0 ? "; wrote " + summary(last, image)
                                                        : std::string(" before the first iteration"),
                                resume_command(context));
     return 128 + signals.pending();
@@ -358,8 +365,10 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   if (!trouble.empty())
     context.err << fmt::format("candela: warning: {}: {}\n", printable(folder->path().string()), trouble);
   if (last.state() != v1::JOB_STATE_DONE) return diagnose(last, scene, options, threads.front());
+  if (const std::string note = png_note(output); !note.empty() && !options.quiet)
+    context.err << "candela: note: " << note << '\n';
   if (!options.quiet && !options.page_stay && !options.passing)
-    context.err << "candela: wrote " << summary(last, options.output) << '\n';
+    context.err << "candela: wrote " << summary(last, image) << '\n';
   return 0;
 }
 
@@ -367,8 +376,10 @@ void add_render(CLI::App& app, Context& context) {
   auto options = std::make_shared<RenderOptions>();
   CLI::App* sub = app.add_subcommand("render", "Render a scene here, with a farm inside this process");
   add_scene_options(*sub, options->scene, true);
-  sub->add_option("-o,--output", options->output, "Write the image here (.exr)")
-      ->required()
+  sub->add_option(
+         "-o,--output", options->output,
+         "Write the image here: an .exr, or a .png without layers and metadata; default: the scene's "
+         "name and .exr, in the present folder")
       ->type_name("FILE");
   add_text(*sub, "--png", options->png, "Also write the image as sRGB PNG", "FILE");
   add_preview_options(*sub, options->preview, true);

@@ -228,6 +228,7 @@ Result<int> run_reproduce(Context& context, const ReproduceOptions& options) {
   if (options.farm.master && (options.threads || options.resume || options.fresh))
     return usage_error("--threads, --resume and --fresh are of a render in this process")
         .with_field("--master");
+  if (options.output) CANDELA_TRY(check_output_path(*options.output, ".exr", "-o"));
   if ((options.resume || options.fresh) && !options.output)
     return usage_error("without -o no state is kept").with_field(options.resume ? "--resume" : "--fresh");
   CANDELA_ASSIGN(const Origin origin, read_origin(options));

@@ -13,7 +13,7 @@ ValueKind value_kind(const OptionEntry& option, const Choices& choices) {
   if (option.value == "SHELL") return {Source::words, {"bash", "zsh"}};
   if (option.value == "DIR") return {Source::folders, {}};
   if (names_a_path(option.value)) return {Source::files, {}};
-  if (option.value == "ID") return {Source::jobs, {}};
+  if (option.value.starts_with("ID") || option.value == "GROUP") return {Source::jobs, {}};
   if (option.value == "WORKER") return {Source::workers, {}};
   return {};
 }

@@ -1,5 +1,7 @@
 #include "common/bundle/gather.h"
 
+#include <sys/stat.h>
+
 #include "common/base/files.h"
 #include "common/base/hash.h"
 #include "common/description/reading_budget.h"
@@ -22,9 +24,26 @@ Result<description::FileSource::Bytes> DiskSource::open(const std::string& key) 
   return Bytes{std::move(file), view};
 }
 
+std::string FileHashes::sha256(const std::filesystem::path& file, std::string_view bytes) {
+  struct stat status {};
+  if (::stat(file.c_str(), &status) != 0 || static_cast<std::uint64_t>(status.st_size) != bytes.size())
+    return sha256_hex(bytes);
+  const std::array<std::int64_t, 7> stamp = {static_cast<std::int64_t>(status.st_dev),
+                                             static_cast<std::int64_t>(status.st_ino),
+                                             status.st_size,
+                                             status.st_mtim.tv_sec,
+                                             status.st_mtim.tv_nsec,
+                                             status.st_ctim.tv_sec,
+                                             status.st_ctim.tv_nsec};
+  Known& known = known_[file];
+  if (known.sha256.empty() || known.stamp != stamp) known = {stamp, sha256_hex(bytes)};
+  return known.sha256;
+}
+
 Result<GatheredScene> gather(const std::filesystem::path& scene_file,
                              const std::map<std::string, std::string>& parameters,
-                             const description::Reading& reading, std::uint64_t memory_bytes) {
+                             const description::Reading& reading, std::uint64_t memory_bytes,
+                             FileHashes* hashes) {
   if (scene_file.filename().empty())
     return input_error("not a scene file").at(scene_file.string(), 0).with_mend("name the scene's XML file");
   CANDELA_TRY(check_parameters(parameters));
@@ -47,7 +66,10 @@ Result<GatheredScene> gather(const std::filesystem::path& scene_file,
   gathered.passed_over = std::move(parsed->passed_over);
   for (const std::string& key : gathered.description.files) {
     CANDELA_ASSIGN(const description::FileSource::Bytes bytes, source.open(key));
-    gathered.bundle.files.push_back({key, sha256_hex(bytes.view), bytes.view.size()});
+    const std::filesystem::path file = source.real_path(key);
+    gathered.bundle.files.push_back(
+        {key, hashes != nullptr ? hashes->sha256(file, bytes.view) : sha256_hex(bytes.view),
+         bytes.view.size()});
     gathered.real_paths.emplace(key, source.real_path(key));
   }
   CANDELA_TRY(validate(gathered.bundle));

@@ -1,10 +1,12 @@
 // Gathers a scene's bundle from the client's disk.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <map>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -35,8 +37,25 @@ struct GatheredScene {
   std::map<std::string, std::filesystem::path> real_paths;  // key -> file on this disk
   std::vector<description::Note> passed_over = {};          // see description::ReadScene
 };
+
+// Hashes of files that were taken before, for scenes that share files. A file is taken anew if its size or
+// its times have changed.
+class FileHashes {
+ public:
+  std::string sha256(const std::filesystem::path& file, std::string_view bytes);
+
+ private:
+  struct Known {
+    std::array<std::int64_t, 7> stamp{};  // device, file number, size, times of content and status
+    std::string sha256;
+  };
+  std::map<std::filesystem::path, Known> known_;
+};
+
+// `hashes`: of other scenes; null: there are none.
 Result<GatheredScene> gather(const std::filesystem::path& scene_file,
                              const std::map<std::string, std::string>& parameters,
-                             const description::Reading& reading = {}, std::uint64_t memory_bytes = 0);
+                             const description::Reading& reading = {}, std::uint64_t memory_bytes = 0,
+                             FileHashes* hashes = nullptr);
 
 }  // namespace candela::bundle

@@ -31,6 +31,12 @@ Json failures(const google::protobuf::RepeatedPtrField<v1::FailureCount>& counts
   return json;
 }
 
+Json texts(const google::protobuf::RepeatedPtrField<std::string>& values) {
+  Json json = Json::array();
+  for (const std::string& value : values) json.push_back(value);
+  return json;
+}
+
 Json chains(const v1::ChainStatus& c) {
   Json json;
   json["chains"] = c.plan().chains();
@@ -67,6 +73,7 @@ Json job(const v1::JobStatus& s) {
   Json json;
   const std::string indices = indices_text(s);
   json["id"] = s.id();
+  json["short_id"] = s.short_id();
   json["name"] = s.name();
   json["submitter"] = s.submitter();
   json["state"] = std::string(name(s.state()));
@@ -131,12 +138,50 @@ Json job(const v1::JobStatus& s) {
   json["layers"] = Json::array();
   for (const std::string& layer : s.layers()) json["layers"].push_back(layer);
   json["worker_memory_bytes"] = s.worker_memory_bytes();
+  json["workers"] = s.workers();
+  json["group"] = nullptr;
+  if (s.has_frame())
+    json["group"] = {{"id", s.frame().group_id()},
+                     {"name", s.frame().group_name()},
+                     {"frame", s.frame().frame()},
+                     {"frames", s.frame().frames()}};
+  json["depends"] = texts(s.depends());
   json["taints"] = Json::array();
   for (const v1::Taint& taint : s.taints())
     json["taints"].push_back({{"worker", taint.worker()},
                               {"since_unix_ms", time_ms(taint.since_unix_ms())},
                               {"units", taint.units()}});
   json["plan"] = s.plan();
+  return json;
+}
+
+// Every state by its name, those without jobs included.
+Json group(const v1::GroupStatus& s) {
+  Json json, states;
+  for (const v1::JobState state : {v1::JOB_STATE_QUEUED, v1::JOB_STATE_RUNNING, v1::JOB_STATE_PAUSED,
+                                   v1::JOB_STATE_DONE, v1::JOB_STATE_FAILED, v1::JOB_STATE_CANCELLED})
+    states[std::string(name(state))] = 0;
+  for (const v1::StateCount& count : s.states()) states[std::string(name(count.state()))] = count.jobs();
+  json["id"] = s.id();
+  json["short_id"] = s.short_id();
+  json["name"] = s.name();
+  json["submitter"] = s.submitter();
+  json["state"] = std::string(name(s.state()));
+  json["message"] = s.message();
+  json["priority"] = s.priority();
+  json["share"] = finite(s.share());
+  json["frames"] = s.frames();
+  json["frames_submitted"] = s.frames_submitted();
+  json["states"] = states;
+  json["first_frame"] = s.first_frame();
+  json["last_frame"] = s.last_frame();
+  json["fraction_done"] = finite(s.fraction_done());
+  json["worker_seconds"] = finite(s.worker_seconds());
+  json["eta_seconds"] = finite(s.eta_seconds());
+  json["workers"] = s.workers();
+  json["submitted_unix_ms"] = time_ms(s.submitted_unix_ms());
+  json["finished_unix_ms"] = time_ms(s.finished_unix_ms());
+  json["depends"] = texts(s.depends());
   return json;
 }
 
@@ -158,6 +203,12 @@ Json worker(const v1::WorkerStatus& w) {
   json["failures"] = failures(w.failures());
   json["jobs"] = Json::array();
   for (const std::string& id : w.jobs()) json["jobs"].push_back(id);
+  json["work"] = Json::array();
+  for (const v1::JobName& work : w.work())
+    json["work"].push_back({{"id", work.id()},
+                            {"short_id", work.short_id()},
+                            {"name", work.name()},
+                            {"submitter", work.submitter()}});
   json["last_seen_unix_ms"] = time_ms(w.last_seen_unix_ms());
   json["build_id"] = w.build_id();
   return json;
@@ -197,12 +248,19 @@ std::string job_json(const v1::JobStatus& status) {
   return json_text(job(status));
 }
 
+std::string group_json(const v1::GroupStatus& status) {
+  return json_text(group(status));
+}
+
 std::string jobs_json(const v1::ListJobsResponse& response) {
-  Json list = Json::array();
+  Json list = Json::array(), groups = Json::array();
   for (const auto& status : response.jobs()) list.push_back(job(status));
+  for (const auto& status : response.groups()) groups.push_back(group(status));
   const std::string& next = response.next_page_token();
-  return json_text(
-      {{"jobs", list}, {"total", response.total()}, {"next", next.empty() ? Json() : Json(next)}});
+  return json_text({{"jobs", list},
+                    {"groups", groups},
+                    {"total", response.total()},
+                    {"next", next.empty() ? Json() : Json(next)}});
 }
 
 std::string worker_json(const v1::WorkerStatus& status) {

@@ -11,7 +11,9 @@ namespace candela::wire {
 // An object with at least id, state, units_merged, iterations, error (the estimated relMSE, or null),
 // error_upper (the upper end of its 95 % interval, or null) and message.
 std::string job_json(const v1::JobStatus& status);
-std::string jobs_json(const v1::ListJobsResponse& response);  // {"jobs": [...], "total", "next"}
+// {"jobs": [...], "groups": [...], "total", "next"}
+std::string jobs_json(const v1::ListJobsResponse& response);
+std::string group_json(const v1::GroupStatus& status);
 std::string trust_json(const v1::TrustResponse& response);
 std::string worker_json(const v1::WorkerStatus& status);
 std::string workers_json(const v1::ListWorkersResponse& response);  // {"workers": [...], "wanted": {...}}

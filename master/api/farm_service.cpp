@@ -15,6 +15,7 @@
 #include "common/wire/canonical.h"
 #include "common/wire/peer.h"
 #include "common/wire/stall_guard.h"
+#include "master/api/find_jobs.h"
 #include "master/api/list_jobs.h"
 #include "master/api/messages.h"
 #include "master/api/service_support.h"
@@ -62,6 +63,24 @@ std::vector<std::string> job_ids(const Scheduler& scheduler) {
   return out;
 }
 
+// The group's id follows from the submitter, who is not known here.
+Result<void> read_frame(const v1::SubmitRequest& r, JobRow& row) {
+  constexpr int kMaxDepends = 100;
+  if (r.depends_size() > kMaxDepends)
+    return input_error(fmt::format("more than {} jobs", kMaxDepends)).with_field("depends");
+  row.depends = {r.depends().begin(), r.depends().end()};
+  std::sort(row.depends.begin(), row.depends.end());
+  row.depends.erase(std::unique(row.depends.begin(), row.depends.end()), row.depends.end());
+  if (!r.has_frame()) return {};
+  const v1::Frame& frame = r.frame();
+  for (const auto& [text, field] : {std::pair{&frame.group_name(), "frame.group_name"},
+                                    std::pair{&frame.group_token(), "frame.group_token"}})
+    if (text->empty() || text->size() > Limits::max_name_bytes)
+      return input_error(fmt::format("must have 1 to {} bytes", Limits::max_name_bytes)).with_field(field);
+  row.frame = FrameRow{"", frame.group_name(), frame.frame(), frame.frames()};
+  return {};
+}
+
 Result<JobRow> job_of(const v1::SubmitRequest& r) {
   JobRow row;
   if (r.name().size() > Limits::max_name_bytes)
@@ -83,6 +102,7 @@ Result<JobRow> job_of(const v1::SubmitRequest& r) {
   if (escape_unprintable(r.scene_path()) != r.scene_path())
     return input_error("holds a character that cannot be shown").with_field("scene_path");
   row.scene_path = r.scene_path();
+  CANDELA_TRY(read_frame(r, row));
   row.name = r.name();
   row.priority = r.priority();
   row.share = r.share() > 0 ? r.share() : 1;
@@ -91,6 +111,7 @@ Result<JobRow> job_of(const v1::SubmitRequest& r) {
   content.clear_idempotency_token();
   content.clear_submitter();
   content.clear_scene_path();
+  if (content.has_frame()) content.mutable_frame()->clear_frames();  // a group may grow
   row.content_digest = sha256_hex(wire::canonical(content));
   return row;
 }
@@ -189,6 +210,8 @@ grpc::Status FarmServiceImpl::Submit(grpc::ServerContext* context, const v1::Sub
     if (!row.ok()) return wire::to_status(row.error());
     const std::string certificate = access_.caller(*context).name;
     row->submitter = certificate.empty() ? request->submitter() : certificate;
+    if (row->frame) row->frame->group_id = Farm::group_id_of(row->submitter, request->frame().group_token());
+    const std::string group_id = row->frame ? row->frame->group_id : "";
     // Its plan may need more; the pilot tells.
     const MemoryNeed need = need_of(*row);
     if (auto fits = check_memory(need, row->settings, farm_.memory_limit()); !fits.ok())
@@ -221,14 +244,15 @@ grpc::Status FarmServiceImpl::Submit(grpc::ServerContext* context, const v1::Sub
     }
     response->set_job_id(submitted->job_id);
     response->set_existed(submitted->existed);
+    response->set_group_id(group_id);
     return grpc::Status::OK;
   });
 }
 
-grpc::Status FarmServiceImpl::ListJobs(grpc::ServerContext*, const v1::ListJobsRequest* request,
+grpc::Status FarmServiceImpl::ListJobs(grpc::ServerContext* context, const v1::ListJobsRequest* request,
                                        v1::ListJobsResponse* response) {
   return guarded([&] {
-    auto page = list_jobs(farm_, *request);
+    auto page = list_jobs(farm_, *request, access_.caller(*context).name);
     if (!page.ok()) return wire::to_status(page.error());
     *response = std::move(*page);
     return grpc::Status::OK;
@@ -240,6 +264,52 @@ grpc::Status FarmServiceImpl::GetJob(grpc::ServerContext*, const v1::GetJobReque
   return guarded([&] {
     const auto status = farm_.full_status(request->job_id());
     if (!status) return not_found("job", request->job_id());
+    *response = to_message(*status);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status FarmServiceImpl::FindJobs(grpc::ServerContext*, const v1::FindJobsRequest* request,
+                                       v1::FindJobsResponse* response) {
+  return guarded([&] {
+    auto found = find_jobs(farm_, *request);
+    if (!found.ok()) return wire::to_status(found.error());
+    *response = std::move(*found);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status FarmServiceImpl::GetGroup(grpc::ServerContext*, const v1::GetGroupRequest* request,
+                                       v1::GroupStatus* response) {
+  return guarded([&] {
+    const auto status = farm_.group_status(request->group_id());
+    if (!status) return not_found("group", request->group_id());
+    *response = to_message(*status);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status FarmServiceImpl::SteerGroup(grpc::ServerContext*, const v1::SteerGroupRequest* request,
+                                         v1::GroupStatus* response) {
+  return guarded([&] {
+    if (farm_.stopping()) return stopping_status();
+    if (!farm_.group_status(request->group_id())) return not_found("group", request->group_id());
+    if (request->action() < v1::SteerGroupRequest::ACTION_PAUSE ||
+        request->action() > v1::SteerGroupRequest::ACTION_EXTEND)
+      return wire::to_status(input_error("there is no such action").with_field("action"));
+    const v1::ExtendJobRequest& extend = request->extend();
+    if (extend.idempotency_token().size() > Limits::max_name_bytes)
+      return wire::to_status(input_error(fmt::format("longer than {} bytes", Limits::max_name_bytes))
+                                 .with_field("extend.idempotency_token"));
+    GroupAction action{
+        static_cast<GroupAction::Kind>(request->action() - v1::SteerGroupRequest::ACTION_PAUSE),
+        request->priority(),
+        {}};
+    if (action.kind == GroupAction::Kind::extend)
+      action.extension = {extend.add_iterations(), extend.add_time_seconds(), extend.relmse(),
+                          extend.idempotency_token()};
+    const auto status = farm_.steer_group(request->group_id(), action);
+    if (!status.ok()) return wire::to_status(status.error());
     *response = to_message(*status);
     return grpc::Status::OK;
   });

@@ -22,6 +22,9 @@ class FarmServiceImpl : public v1::FarmService::Service {
   grpc::Status Submit(grpc::ServerContext*, const v1::SubmitRequest*, v1::SubmitResponse*) override;
   grpc::Status ListJobs(grpc::ServerContext*, const v1::ListJobsRequest*, v1::ListJobsResponse*) override;
   grpc::Status GetJob(grpc::ServerContext*, const v1::GetJobRequest*, v1::JobStatus*) override;
+  grpc::Status FindJobs(grpc::ServerContext*, const v1::FindJobsRequest*, v1::FindJobsResponse*) override;
+  grpc::Status GetGroup(grpc::ServerContext*, const v1::GetGroupRequest*, v1::GroupStatus*) override;
+  grpc::Status SteerGroup(grpc::ServerContext*, const v1::SteerGroupRequest*, v1::GroupStatus*) override;
   grpc::Status WatchJob(grpc::ServerContext*, const v1::WatchJobRequest*,
                         grpc::ServerWriter<v1::JobStatus>*) override;
   grpc::Status FetchImage(grpc::ServerContext*, const v1::FetchImageRequest*,

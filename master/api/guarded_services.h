@@ -16,6 +16,12 @@ Owner owner_of(Farm& farm, const Request& request) {
   if constexpr (std::same_as<Request, v1::DrainWorkerRequest>) {
     const auto worker = farm.worker(request.worker_id());
     return worker ? Owner{true, worker->row.certificate} : Owner{};
+  } else if constexpr (std::same_as<Request, v1::SteerGroupRequest>) {
+    return farm.with_scheduler([&](Scheduler& s) {
+      const auto group = s.groups().find(request.group_id());
+      if (group == s.groups().end()) return Owner{};
+      return Owner{true, s.job(*group->second.jobs.begin())->row.submitter};
+    });
   } else if constexpr (requires { request.job_id(); }) {
     return farm.with_scheduler([&](Scheduler& s) {
       const Job* job = s.job(request.job_id());
@@ -58,6 +64,9 @@ class GuardedFarmService final : public FarmServiceImpl {
   CANDELA_UNARY(FarmService, Submit, SubmitRequest, SubmitResponse)
   CANDELA_UNARY(FarmService, ListJobs, ListJobsRequest, ListJobsResponse)
   CANDELA_UNARY(FarmService, GetJob, GetJobRequest, JobStatus)
+  CANDELA_UNARY(FarmService, FindJobs, FindJobsRequest, FindJobsResponse)
+  CANDELA_UNARY(FarmService, GetGroup, GetGroupRequest, GroupStatus)
+  CANDELA_UNARY(FarmService, SteerGroup, SteerGroupRequest, GroupStatus)
   CANDELA_SENDS(FarmService, WatchJob, WatchJobRequest, JobStatus)
   CANDELA_SENDS(FarmService, FetchImage, FetchImageRequest, FetchImageChunk)
   CANDELA_UNARY(FarmService, PauseJob, JobRequest, JobStatus)

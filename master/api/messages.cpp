@@ -60,6 +60,47 @@ v1::JobState to_message(JobState state) {
   return v1::JOB_STATE_UNSPECIFIED;
 }
 
+v1::JobName to_message(const JobName& name) {
+  v1::JobName out;
+  out.set_id(name.id);
+  out.set_short_id(name.short_id);
+  out.set_name(name.name);
+  out.set_submitter(name.submitter);
+  out.set_state(to_message(name.state));
+  out.set_submitted_unix_ms(name.submitted_unix_ms);
+  out.set_group(name.group);
+  return out;
+}
+
+v1::GroupStatus to_message(const GroupStatus& status) {
+  v1::GroupStatus out;
+  out.set_id(status.name.id);
+  out.set_short_id(status.name.short_id);
+  out.set_name(status.name.name);
+  out.set_submitter(status.name.submitter);
+  out.set_state(to_message(status.name.state));
+  out.set_message(status.message);
+  out.set_priority(status.priority);
+  out.set_share(status.share);
+  out.set_frames(status.frames);
+  out.set_frames_submitted(status.frames_submitted);
+  for (const auto& [state, jobs] : status.states) {
+    v1::StateCount& count = *out.add_states();
+    count.set_state(to_message(state));
+    count.set_jobs(jobs);
+  }
+  out.set_first_frame(status.first_frame);
+  out.set_last_frame(status.last_frame);
+  out.set_fraction_done(status.fraction_done);
+  out.set_worker_seconds(status.worker_seconds);
+  out.set_eta_seconds(status.eta_seconds);
+  out.set_workers(static_cast<std::uint32_t>(status.workers));
+  out.set_submitted_unix_ms(status.name.submitted_unix_ms);
+  out.set_finished_unix_ms(status.finished_unix_ms);
+  for (const std::string& id : status.depends) out.add_depends(id);
+  return out;
+}
+
 v1::JobStatus to_message(const JobStatus& status) {
   const JobRow& r = status.row;
   v1::JobStatus out;
@@ -111,6 +152,16 @@ v1::JobStatus to_message(const JobStatus& status) {
   out.set_samples_per_second(status.samples_per_second);
   out.set_eta_seconds(status.eta_seconds);
   out.set_worker_memory_bytes(status.worker_memory_bytes);
+  out.set_short_id(status.short_id);
+  if (r.frame) {
+    v1::Frame& frame = *out.mutable_frame();
+    frame.set_group_id(r.frame->group_id);
+    frame.set_group_name(r.frame->group_name);
+    frame.set_frame(r.frame->frame);
+    frame.set_frames(r.frame->frames);
+  }
+  for (const std::string& id : r.depends) out.add_depends(id);
+  out.set_workers(static_cast<std::uint32_t>(status.workers));
   if (status.epochs) set_epochs(*status.epochs, *out.mutable_epochs());
   for (const Taint& taint : r.audit.taints) {
     v1::Taint& t = *out.add_taints();
@@ -145,6 +196,7 @@ v1::WorkerStatus to_message(const WorkerStatus& status) {
   out.set_resident_bytes(status.resident_bytes);
   set_failures(status.failures, *out.mutable_failures());
   for (const std::string& job : status.jobs) out.add_jobs(job);
+  for (const JobName& job : status.work) *out.add_work() = to_message(job);
   return out;
 }
 

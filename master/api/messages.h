@@ -9,6 +9,8 @@ namespace candela::master {
 
 v1::JobState to_message(JobState state);
 v1::JobStatus to_message(const JobStatus& status);
+v1::JobName to_message(const JobName& name);
+v1::GroupStatus to_message(const GroupStatus& status);
 v1::DistrustedWorker to_message(const DistrustRow& row);
 v1::WorkerStatus to_message(const WorkerStatus& status);
 v1::JobReport to_message(const JobReport& report);

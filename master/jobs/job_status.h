@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <set>
 #include <span>
@@ -38,6 +39,8 @@ struct JobStatus {
   std::uint64_t worker_memory_bytes =
       0;                              // of the largest worker process that has units of the job; 0: unknown
   std::optional<EpochStatus> epochs;  // of Farm::full_status() alone
+  std::string short_id;
+  std::size_t workers = 0;  // that have units of it
 
   std::uint64_t iterations() const { return row.iterations_of(row.iterations); }
   std::uint64_t checkpoint_iterations() const { return row.iterations_of(row.checkpoint_iterations); }
@@ -49,6 +52,30 @@ struct JobStatus {
   chains::Normalisation normalisation() const;
 };
 
+// A job or a group as people call it.
+struct JobName {
+  std::string id, short_id, name, submitter;
+  JobState state = JobState::queued;
+  std::int64_t submitted_unix_ms = 0;
+  bool group = false;
+};
+
+// How a group stands (candela.v1.GroupStatus).
+struct GroupStatus {
+  JobName name;
+  std::string message;
+  std::int32_t priority = 0;
+  double share = 1;
+  std::uint32_t frames = 0, frames_submitted = 0;
+  std::map<JobState, std::uint32_t> states;
+  std::int32_t first_frame = 0, last_frame = 0;
+  double fraction_done = 0, worker_seconds = 0;
+  double eta_seconds = 0;  // NaN: unknown
+  std::size_t workers = 0;
+  std::int64_t finished_unix_ms = 0;
+  std::set<std::string> depends;
+};
+
 struct WorkerStatus {
   WorkerRow row;
   std::string state;    // as candela.v1.WorkerStatus has it
@@ -56,11 +83,16 @@ struct WorkerStatus {
   FailureCounts failures{};
   std::uint64_t resident_bytes = 0;  // memory of its process as it last told; 0: unknown
   std::set<std::string> jobs;        // ids of jobs of its leases
+  std::vector<JobName> work;         // these jobs
 };
 
 // Precondition of these: the lock of `scheduler` is held.
 JobStatus status_of(const Scheduler& scheduler, const Job& job, Now t);
 WorkerStatus status_of(const Scheduler& scheduler, const WorkerState& worker, Now t);
+JobName name_of(const Scheduler& scheduler, const Job& job);
+// Precondition: there is such a group.
+JobName name_of_group(const Scheduler& scheduler, const std::string& group_id);
+GroupStatus status_of_group(const Scheduler& scheduler, const std::string& group_id, Now t);
 std::string message_of(const Scheduler& scheduler, const WorkerState& worker, Now t);  // of its status
 
 }  // namespace candela::master

@@ -18,6 +18,7 @@ class SchedulerInvariants {
     for (const auto& [token, lease] : s_.leases_) check_lease(token, lease);
     for (const auto& [id, worker] : s_.workers_) check_worker(id, worker);
     for (const auto& [id, job] : s_.jobs_) check_job(id, job);
+    for (const auto& [id, group] : s_.groups_) check_group(id, group);
     for (const auto& [id, withdrawn] : s_.withdrawn_) check_withdrawn(id, withdrawn.node.mapped());
     return std::move(violations_);
   }
@@ -63,12 +64,23 @@ class SchedulerInvariants {
            "distrusted", "worker {} with {} leases", id, worker.leases.size());
   }
 
+  void check_group(const std::string& id, const GroupState& group) {
+    expect(!group.jobs.empty(), "group", "group {} is empty", id);
+    for (const std::string& member : group.jobs)
+      expect(s_.jobs_.contains(member), "group", "group {} has the job {}, which is gone", id, member);
+  }
+
   void check_job(const std::string& id, const Job& job) {
     expect(job.row.id == id && job.source != nullptr, "job-key", "job {} lies under {}", job.row.id, id);
     if (job.source == nullptr) return;
     const bool renews = job.row.pilot_outdated && job.source->kind() == Unit::Kind::pilot;
     expect(renews || job.source->kind() == kind_of_stage(job.row), "job-key",
            "job {} has the units of another stage", id);
+    const auto group = job.row.frame ? s_.groups_.find(job.row.frame->group_id) : s_.groups_.end();
+    expect(job.row.frame
+               ? group != s_.groups_.end() && &group->second == job.group && group->second.jobs.contains(id)
+               : job.group == nullptr,
+           "group", "job {} is not where its group is", id);
     const bool ended = has_ended(job.row.state);
     expect(!(ended || job.finishing) || job.units.empty(), "job-ended", "job {} has {} units", id,
            job.units.size());

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <string_view>
+#include <tuple>
 
 namespace candela::master {
 Scheduler::Scheduler(const SchedulerOptions& options, std::uint64_t epoch, std::uint64_t next_unit_id)
@@ -32,6 +34,18 @@ std::uint64_t Scheduler::active_workers(const Job& job, Now now) {
   return count.workers;
 }
 
+namespace {
+
+// The order of jobs that are served alike: of submission; frames of a group stand together, in their order.
+auto place_in_line(const Job& job) {
+  const bool grouped = job.group != nullptr;
+  return std::tuple(grouped ? job.group->submitted_unix_ms : job.row.submitted_unix_ms,
+                    std::string_view(grouped ? job.row.frame->group_id : job.row.id),
+                    grouped ? job.row.frame->frame : 0, std::string_view(job.row.id));
+}
+
+}  // namespace
+
 // Higher priority first, then the least served; within half a unit of the least served, those whose scene is
 // warm.
 std::vector<Job*> Scheduler::candidates(const WorkerState& worker, const std::vector<std::string>& warm,
@@ -44,16 +58,14 @@ std::vector<Job*> Scheduler::candidates(const WorkerState& worker, const std::ve
     }
   std::sort(out.begin(), out.end(), [](const Job* a, const Job* b) {
     if (a->row.priority != b->row.priority) return a->row.priority > b->row.priority;
-    if (a->virtual_time != b->virtual_time) return a->virtual_time < b->virtual_time;
-    if (a->row.submitted_unix_ms != b->row.submitted_unix_ms)
-      return a->row.submitted_unix_ms < b->row.submitted_unix_ms;
-    return a->row.id < b->row.id;
+    if (a->served() != b->served()) return a->served() < b->served();
+    return place_in_line(*a) < place_in_line(*b);
   });
   if (warm.empty()) return out;
   for (auto first = out.begin(); first != out.end();) {
-    const double limit = (*first)->virtual_time + 0.5 * options_.unit_seconds / (*first)->row.share;
+    const double limit = (*first)->served() + 0.5 * options_.unit_seconds / (*first)->row.share;
     const auto last = std::find_if(first, out.end(), [&](const Job* j) {
-      return j->row.priority != (*first)->row.priority || j->virtual_time > limit;
+      return j->row.priority != (*first)->row.priority || j->served() > limit;
     });
     std::stable_partition(first, last, [&](const Job* j) {
       return std::find(warm.begin(), warm.end(), j->row.bundle_sha256) != warm.end();
@@ -77,7 +89,7 @@ Lease& Scheduler::grant(Job& job, UnitState& unit, WorkerState& worker, bool spe
   lease.due_seconds = lease.row.expected_seconds;
   for (const std::uint64_t other : worker.leases) lease.due_seconds += leases_.at(other).row.expected_seconds;
   lease.stepped = now.seconds;
-  job.virtual_time +=
+  job.served() +=
       std::max(lease.row.expected_seconds, job.source->cost().min_charged_seconds) / job.row.share;
   unit.leases.push_back(lease.row.token);
   unit.row.state = UnitRow::State::leased;
@@ -266,7 +278,7 @@ void Scheduler::drop_lease(std::uint64_t token, Now now, bool refund) {
   if (--job->leases == 0) job->unleased_since = now.seconds;
   if (refund) {  // what was charged beyond the time it was held
     const double unused = std::max(lease.row.expected_seconds - (now.seconds - lease.granted), 0.0);
-    job->virtual_time -= unused / job->row.share;
+    job->served() -= unused / job->row.share;
   }
   const auto u = job->units.find(lease.row.unit_id);
   if (u == job->units.end()) return;
@@ -460,7 +472,7 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
       note_compared(audit);
     }
     if (const auto lease = leases_.find(token); lease != leases_.end())  // charge what it cost
-      job->virtual_time += (render_seconds - lease->second.row.expected_seconds) / job->row.share;
+      job->served() += (render_seconds - lease->second.row.expected_seconds) / job->row.share;
     const std::vector<std::uint64_t> tokens =
         u->second.leases;  // another worker's too: it hears with its heartbeat
     for (const std::uint64_t t : tokens)

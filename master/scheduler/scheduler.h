@@ -123,6 +123,10 @@ class Scheduler {
   void restore_worker(const WorkerRow& row, Now now);
 
   const std::map<std::string, Job>& jobs() const { return jobs_; }
+  // By id; none is empty.
+  const std::map<std::string, GroupState>& groups() const { return groups_; }
+  // Why a job cannot wait for this job or group: there is none, it has failed or was cancelled (refused).
+  Result<void> check_dependency(const std::string& id) const;
   const Job* job(const std::string& id) const;
   Result<void> pause(const std::string& id, Now now);
   Result<void> resume(const std::string& id, Now now);
@@ -279,6 +283,10 @@ class Scheduler {
 
   // --- figures for status ---
   std::size_t leases_of(const std::string& job_id) const;
+  // Number of workers that have units of some of these jobs.
+  std::size_t workers_of(const std::set<std::string>& job_ids) const;
+  // The shortest prefix of the id, of at least five characters, that no other job or group has.
+  std::string short_id(const std::string& id) const;
   std::set<std::string> jobs_of(const WorkerState& worker) const;
   std::size_t lease_count() const { return leases_.size(); }
   std::uint64_t expired_count() const { return expired_count_; }
@@ -413,6 +421,16 @@ class Scheduler {
   void stop(Job& job, const std::string& reason, Now now);
   void end(Job& job, JobState state, Now now);
   void start_fairly(Job& job);
+  // scheduler_groups.cpp
+  void join_group(Job& job);
+  void leave_group(Job& job);
+  // Whether a job, or all jobs of a group, have ended: nothing while they have not; else why a job that
+  // depends on it fails, empty if it does not.
+  std::optional<std::string> outcome(const std::string& id) const;
+  void wait_for(const Job& job);  // for what it depends on
+  void tell_dependents(const Job& ended);
+  void look_at_dependencies(Now now);
+  std::string dependency_text(const Job& job) const;
   void save(Job& job, Now now);
   void save(const UnitState& unit);
   void expire(Now now);
@@ -457,7 +475,10 @@ class Scheduler {
   double admission_tried_ = 0;
   std::uint64_t next_token_;
   std::uint64_t next_unit_id_;
+  std::map<std::string, GroupState> groups_;  // before jobs_, which point into it
   std::map<std::string, Job> jobs_;
+  std::map<std::string, std::set<std::string>> dependents_;  // by what they wait for; some may wait no more
+  std::set<std::string> dependencies_due_;                   // jobs whose dependencies are to be looked at
   struct Withdrawn {
     std::map<std::string, Job>::node_type node;
     double seconds = 0;

@@ -102,7 +102,7 @@ void Scheduler::note_compared(const Audit& audit) {
 // The worker has rendered the unit, and nothing is merged.
 void Scheduler::settle(Job& job, UnitState& unit, WorkerState& worker, const Delivered& delivered, Now now) {
   if (const auto lease = leases_.find(delivered.token); lease != leases_.end())
-    job.virtual_time += (delivered.render_seconds - lease->second.row.expected_seconds) / job.row.share;
+    job.served() += (delivered.render_seconds - lease->second.row.expected_seconds) / job.row.share;
   note_success(job, worker, now);
   note_cost(job, worker, delivered.unit, delivered.render_seconds);
   drop_lease(delivered.token, now, false);
@@ -303,10 +303,12 @@ void Scheduler::begin_anew(const std::string& id, Now now) {
   row.message = text;
   if (row.state == JobState::running) row.state = JobState::queued;
   const double virtual_time = found->virtual_time;
+  GroupState* const group = found->group;
   *found = Job();
   Job& job = *found;
   job.row = std::move(row);
   job.virtual_time = virtual_time;
+  job.group = group;
   job.source = make_source(job.row);
   place_prefix(job);
   job.last_tick = job.unleased_since = now.seconds;

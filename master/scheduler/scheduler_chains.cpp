@@ -23,7 +23,7 @@ Result<bool> Scheduler::complete_bootstrap(const std::string& worker_id, std::ui
   WorkerState& worker = workers_.at(worker_id);
   worker.row.units_merged += 1;
   note_success(*job, worker, now);
-  job->virtual_time += (render_seconds - it->second.row.expected_seconds) / job->row.share;
+  job->served() += (render_seconds - it->second.row.expected_seconds) / job->row.share;
   const std::uint64_t unit_id = u->first;
   std::vector<std::string> by{identity(worker.row)};
   if (const auto& audit = u->second.audit) {

@@ -82,10 +82,13 @@ std::vector<Change> Scheduler::take_changes() {
 // missed nor catches up on it.
 void Scheduler::start_fairly(Job& job) {
   double least = std::numeric_limits<double>::infinity();
-  for (const auto& [id, other] : jobs_)
-    if (&other != &job && other.open_for_leases() && other.row.priority == job.row.priority)
-      least = std::min(least, other.virtual_time);
-  if (std::isfinite(least)) job.virtual_time = std::max(job.virtual_time, least);
+  for (const auto& [id, other] : jobs_) {
+    if (&other == &job || !other.open_for_leases() || other.row.priority != job.row.priority) continue;
+    // A group that is served already goes on as it was.
+    if (job.group != nullptr && other.group == job.group) return;
+    least = std::min(least, other.served());
+  }
+  if (std::isfinite(least)) job.served() = std::max(job.served(), least);
 }
 
 void Scheduler::submit(JobRow row, Now now) {
@@ -94,6 +97,8 @@ void Scheduler::submit(JobRow row, Now now) {
   job.row = std::move(row);
   job.source = make_source(job.row);
   job.last_tick = job.unleased_since = now.seconds;
+  join_group(job);
+  wait_for(job);
   start_fairly(job);
   event(now, id, "", "submitted", job.row.name);
   save(job, now);
@@ -134,6 +139,11 @@ Result<void> Scheduler::set_priority(const std::string& id, std::int32_t priorit
 
 Result<void> Scheduler::resume(const std::string& id, Now now) {
   Job& job = *find(id);
+  for (const std::string& on : job.row.depends)
+    if (auto good = check_dependency(on); !good.ok())
+      return refused_error(fmt::format("job {} depends on what is not done: {}", id, good.error().message))
+          .with_field("job_id")
+          .with_mend("resume that first");
   if (job.row.state == JobState::failed) return resume_failed(job, now);
   if (has_ended(job.row.state))
     return refused_error(fmt::format("job {} has ended ({})", id, name(job.row.state)))
@@ -168,6 +178,7 @@ void Scheduler::end(Job& job, JobState state, Now now) {
   rebuild_reserved(job);
   job.row.state = state;
   job.row.finished_unix_ms = now.unix_ms;
+  tell_dependents(job);
   save(job, now);
   last_activity_ = now.seconds;
 }
@@ -335,6 +346,7 @@ void Scheduler::set_note(const std::string& id, const std::string& note) {
 void Scheduler::tick(Now now) {
   expire(now);
   admit_if_due(now);
+  look_at_dependencies(now);
   for (auto& [id, job] : jobs_) {
     charge(job, now);
     if ((job.row.state == JobState::running || (job.level && job.row.state == JobState::queued)) &&
@@ -395,6 +407,7 @@ void Scheduler::note_memory(const std::string& worker_id, std::uint64_t resident
 
 std::uint64_t Scheduler::worker_memory_of(const std::string& job_id) const {
   std::uint64_t most = 0;
+  if (leases_of(job_id) == 0) return most;
   for (const auto& [token, lease] : leases_) {
     if (lease.row.job_id != job_id) continue;
     const auto worker = workers_.find(lease.row.worker_id);
@@ -459,6 +472,7 @@ std::string Scheduler::message_of(const Job& job, Now now) const {
   if (job.finishing) return "writing the final checkpoint";
   if (!job.row.audit.anew.empty()) return "begins anew: " + job.row.audit.anew;
   if (job.row.state == JobState::paused) return job.row.message;
+  if (std::string text = dependency_text(job); !text.empty()) return text;
   if (!job.memory_wait.empty()) return job.memory_wait;
   if (!job.lacks.empty()) return job.lacks.begin()->second;
   if (const auto waiting = waiting_of(job, now)) return waiting->text;

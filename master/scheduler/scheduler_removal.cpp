@@ -13,6 +13,7 @@ bool Scheduler::withdraw(const std::string& id, std::int64_t finished_unix_ms, N
   if (it == jobs_.end() || !has_ended(it->second.row.state) || it->second.finishing ||
       it->second.row.finished_unix_ms != finished_unix_ms)
     return false;
+  leave_group(it->second);
   withdrawn_[id] = {jobs_.extract(it), now.seconds};
   return true;
 }
@@ -20,7 +21,7 @@ bool Scheduler::withdraw(const std::string& id, std::int64_t finished_unix_ms, N
 void Scheduler::put_back(const std::string& id) {
   const auto it = withdrawn_.find(id);
   if (it == withdrawn_.end()) return;
-  jobs_.insert(std::move(it->second.node));
+  join_group(jobs_.insert(std::move(it->second.node)).position->second);
   withdrawn_.erase(it);
 }
 

@@ -89,6 +89,8 @@ void Scheduler::restore(JobRow row, const HalfSets& film, const film::Tallies& t
   Job& job = jobs_[id];
   job.row = std::move(row);
   job.source = make_source(job.row);
+  join_group(job);
+  wait_for(job);
   job.merged = film;
   job.last_tick = job.unleased_since = now.seconds;
   job.last_saved = now.seconds;
@@ -182,6 +184,7 @@ void Scheduler::reopen(Job& job, Now now) {
   ask_for_memory(job, job.record_bytes);
   rebuild_reserved(job);
   place_prefix(job);
+  wait_for(job);
   start_fairly(job);
   look_for_doubts(job, now);
   renew_pilot(job);

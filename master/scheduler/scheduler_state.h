@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -89,6 +90,13 @@ struct Progress {
   std::uint64_t samples = 0, indices = 0;
 };
 
+// The jobs of one group. They are served as one: frame after frame, with one share of the farm's time.
+struct GroupState {
+  std::set<std::string> jobs;                                                 // ids
+  double virtual_time = 0;                                                    // as Job's
+  std::int64_t submitted_unix_ms = std::numeric_limits<std::int64_t>::max();  // of the first
+};
+
 struct Job {
   JobRow row;
   // Its stop rule holds: no leases, no merges. It is done once the final checkpoint is on disk.
@@ -100,8 +108,9 @@ struct Job {
   // Its time is up, and it goes on until it has these indices, or until then by the steady clock.
   std::optional<HalfSets> level;
   double level_until = 0;
-  double virtual_time = 0;                                     // worker seconds / share, for fairness
-  double thread_seconds = 0;                                   // EWMA of seconds times threads per iteration
+  double virtual_time = 0;      // worker seconds / share, for fairness; see served()
+  GroupState* group = nullptr;  // of a frame
+  double thread_seconds = 0;    // EWMA of seconds times threads per iteration
   std::map<std::string, double> worker_seconds_per_iteration;  // EWMA
   double overhead_seconds = 0;                                 // EWMA per delta
   double merge_seconds = 0;                                    // of that, in which no other is merged
@@ -154,8 +163,11 @@ struct Job {
   bool has_memory() const { return admitted || !planned() || finishing; }
   bool open_for_leases() const {
     return !finishing && (row.state == JobState::queued || row.state == JobState::running) && has_memory() &&
-           row.audit.anew.empty();
+           row.audit.anew.empty() && row.depends.empty();
   }
+  // What counts of virtual_time: of a frame the group's.
+  double& served() { return group != nullptr ? group->virtual_time : virtual_time; }
+  double served() const { return group != nullptr ? group->virtual_time : virtual_time; }
   // The indices that it asks for, where they are not all below target().
   const HalfSets* asked() const;
   // One past the last index of a half that it asks for; no limit: the largest there may be. Of a job of

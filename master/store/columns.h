@@ -50,6 +50,7 @@ struct JobCells {
   double film_scale_log2 = 0;  // NaN: no named state yet
   ChainPlan plan;
   double bootstrap_b = 0;
+  FrameRow frame;  // without an id: the job is of no group
 };
 
 // Read into or, if const, written.
@@ -116,6 +117,11 @@ void columns(auto& row, Of<JobRow> auto& j, Of<JobCells> auto& cells) {
   row("scene_path", j.scene_path);
   row("decided", cells.decided);
   row("pilot_form", cells.pilot_form);
+  row("group_id", cells.frame.group_id);
+  row("group_name", cells.frame.group_name);
+  row("frame", cells.frame.frame);
+  row("frames", cells.frame.frames);
+  row("depends", Parts{j.depends, ','});
 }
 
 void columns(auto& row, Of<UnitRow> auto& u) {

@@ -45,13 +45,23 @@ struct JobAudit {
   bool operator==(const JobAudit&) const = default;
 };
 
+// A job as one frame of a group: the jobs of one group_id.
+struct FrameRow {
+  std::string group_id, group_name;
+  std::int32_t frame = 0;
+  std::uint32_t frames = 0;  // of the group, as its submitter named them
+  bool operator==(const FrameRow&) const = default;
+};
+
 struct JobRow {
   std::string id, name, bundle_sha256;
   std::string submitter;  // user@host, or the name of a certificate; empty: unknown
   JobSettings settings;
   StopRule stop;
-  film::HalfSets stop_indices;  // exactly these end the job, and no limit of `stop`; empty: it has none
-  std::string scene_path;       // of the scene file, as the submitter typed it; empty: not known
+  film::HalfSets stop_indices;       // exactly these end the job, and no limit of `stop`; empty: it has none
+  std::string scene_path;            // of the scene file, as the submitter typed it; empty: not known
+  std::optional<FrameRow> frame;     // nothing: it is of no group
+  std::vector<std::string> depends;  // ids of jobs and groups that it waits for
   std::int32_t priority = 0;
   double share = 1;
   std::string idempotency_token, content_digest;  // digest of the submission, to recognize a repeated one

@@ -7,8 +7,9 @@ namespace candela::master {
 // 1: the first. 2: jobs.layers. 3: Markov chains. 4: what a job had and has lost. 5:
 // epochs and accumulators. 6: jobs that wait for their removal, statistics that were rejected, repeated
 // merges. 7: walks that were ended by a bound. 8: workers that are paused. 9: submitters. 10: audits. 11:
-// exact indices as stop rules, paths of scenes. 12: what pilots decided.
-inline constexpr int kSchemaVersion = 12;
+// exact indices as stop rules, paths of scenes. 12: what pilots decided. 13: groups of frames, jobs that wait
+// for others.
+inline constexpr int kSchemaVersion = 13;
 
 inline constexpr const char* kSchema = R"sql(
 CREATE TABLE counters (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -38,7 +39,9 @@ CREATE TABLE jobs (
   repeated_merges INTEGER NOT NULL DEFAULT 0, bounded_walks INTEGER NOT NULL DEFAULT 0,
   submitter TEXT NOT NULL DEFAULT '', audit BLOB NOT NULL DEFAULT x'',
   stop_indices BLOB NOT NULL DEFAULT x'', scene_path TEXT NOT NULL DEFAULT '',
-  decided BLOB NOT NULL DEFAULT x'', pilot_form INTEGER NOT NULL DEFAULT 0) WITHOUT ROWID;
+  decided BLOB NOT NULL DEFAULT x'', pilot_form INTEGER NOT NULL DEFAULT 0,
+  group_id TEXT NOT NULL DEFAULT '', group_name TEXT NOT NULL DEFAULT '', frame INTEGER NOT NULL DEFAULT 0,
+  frames INTEGER NOT NULL DEFAULT 0, depends TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
 CREATE TABLE units (
   id INTEGER PRIMARY KEY, job TEXT NOT NULL, kind INTEGER NOT NULL, half INTEGER NOT NULL,
   first INTEGER NOT NULL, last INTEGER NOT NULL, state INTEGER NOT NULL, failures INTEGER NOT NULL,
@@ -128,6 +131,14 @@ ALTER TABLE jobs ADD COLUMN scene_path TEXT NOT NULL DEFAULT '';
 inline constexpr const char* kFromVersion11 = R"sql(
 ALTER TABLE jobs ADD COLUMN decided BLOB NOT NULL DEFAULT x'';
 ALTER TABLE jobs ADD COLUMN pilot_form INTEGER NOT NULL DEFAULT 0;
+)sql";
+// From version 12: no job is of a group, or waits for another.
+inline constexpr const char* kFromVersion12 = R"sql(
+ALTER TABLE jobs ADD COLUMN group_id TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN group_name TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN frame INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN frames INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN depends TEXT NOT NULL DEFAULT '';
 )sql";
 inline constexpr const char* kDistrustTable = R"sql(
 CREATE TABLE distrusted (

@@ -94,6 +94,7 @@ Result<JobRow> SqliteStore::read_job(Statement& s) const {
         .at(path_, 0);
   CANDELA_TRY(read_chains(cells, j));
   j.repairs_to = state_of(cells.repairs_to);
+  if (!cells.frame.group_id.empty()) j.frame = cells.frame;
   CANDELA_TRY(read_work(cells, j));
   CANDELA_TRY(read_audit(cells, j));
   return j;

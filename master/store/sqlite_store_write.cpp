@@ -56,6 +56,7 @@ bool SqliteStore::apply(const PutJob& c) {
       .film_scale_log2 = j.named_state ? j.named_state->film_scale_log2 : std::nan(""),
       .plan = j.chains.value_or(ChainPlan()),
       .bootstrap_b = j.named_state ? j.named_state->bootstrap_b : 0,
+      .frame = j.frame.value_or(FrameRow()),
   };
   return put_row(db_, "jobs", j, cells);
 }

@@ -50,6 +50,12 @@ Result<std::string> encode_manifest(const JobRow& row, const std::string& bundle
   m.set_elapsed_seconds(row.elapsed_seconds);
   m.set_submitter(row.submitter);
   m.set_scene_path(row.scene_path);
+  if (row.frame) {
+    m.mutable_frame()->set_group_id(row.frame->group_id);
+    m.mutable_frame()->set_group_name(row.frame->group_name);
+    m.mutable_frame()->set_frame(row.frame->frame);
+    m.mutable_frame()->set_frames(row.frame->frames);
+  }
   std::string out(kMagic);
   out += wire::canonical(m);
   film::seal(out);
@@ -106,6 +112,8 @@ Result<Manifest> parse_manifest(std::string_view bytes) {
   row.elapsed_seconds = m.elapsed_seconds();
   row.submitter = m.submitter();
   row.scene_path = m.scene_path();
+  if (m.has_frame())
+    row.frame = FrameRow{m.frame().group_id(), m.frame().group_name(), m.frame().frame(), m.frame().frames()};
   return out;
 }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <chrono>
 #include <cstdlib>
 #include <fstream>
 
@@ -175,6 +176,23 @@ TEST(BundleGather, ValidateRefuses) {
               b.files.push_back({"s.xml", sha, 1});
             }),
             "files.size_bytes: 1168231104513 bytes in all, more than the limit of 1099511627776");
+}
+
+// Claim: the hash of a file that frames share is taken once, and anew when the file has changed, also if its
+// size has not.
+TEST(FileHashes, AreTakenOnceForAFile) {
+  const Folder folder;
+  folder.write("mesh.ply", "abc");
+  const fs::path file = folder.path() / "mesh.ply";
+  FileHashes hashes;
+  EXPECT_EQ(hashes.sha256(file, "abc"), sha256_hex("abc"));
+  EXPECT_EQ(hashes.sha256(file, "xyz"), sha256_hex("abc"))
+      << "the file has not changed: nobody reads its bytes";
+  folder.write("mesh.ply", "xyz");
+  fs::last_write_time(file, fs::last_write_time(file) + std::chrono::seconds(2));
+  EXPECT_EQ(hashes.sha256(file, "xyz"), sha256_hex("xyz"));
+  folder.write("mesh.ply", "longer");
+  EXPECT_EQ(hashes.sha256(file, "longer"), sha256_hex("longer"));
 }
 
 }  // namespace

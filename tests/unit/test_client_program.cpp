@@ -6,11 +6,13 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "client/embedded/app.h"
+#include "client/embedded/commands.h"
 #include "client/embedded/local_farm.h"
 #include "client/embedded/state_folder.h"
 #include "client/output.h"
@@ -228,9 +230,17 @@ TEST(Program, BadUsageIsOneLineAndCodeTwo) {
       {{"submit", "a.xml", "--indices", "0-3/0-3", "--until", "relmse=1"}, "--indices and --until exclude"},
       {{"submit", "a.xml", "--indices", "0-3"}, "--indices: '0-3' is not a set of indices for each half"},
       {{"submit", "a.xml", "--indices", "3-0/none"}, "--indices: the range '3-0' ends before it begins"},
-      {{"render", "scene.xml"}, "--output"},
+      {{"render", "scene.xml", "-o", "x.png", "--png", "y.png"}, "--output: x.png and y.png are two PNGs"},
+      {{"render", "scene.xml", "-o", "x.png", "--layers"}, "--layers: a PNG has no layers"},
+      {{"submit", "scene.xml", "--frames", "1-3"}, "--frames: all frames would be the same image"},
+      {{"submit", "s.{frame}.xml", "--frames", "3-1"}, "--frames: '3-1' is no range of frames"},
+      {{"submit", "s.{frame}.xml"}, "--frames: {frame} needs the frames"},
+      {{"submit", "s.{frame}.xml", "--frames", "1-2", "--wait", "-o", "x.exr"},
+       "--output: all frames would be written to one file"},
+      {{"priority", "j1"}, "a job and its new priority are needed"},
+      {{"help", "vcmm"}, "there is no command or integrator 'vcmm' (did you mean 'vcm'?)"},
       {{"render", "-o", out}, "scene"},
-      {{"render", "scene.xml", "-o", "x.png"}, "--output: x.png: the name does not end in .exr"},
+      {{"render", "scene.xml", "-o", "x.tif"}, "--output: x.tif: the name does not end in .exr or .png"},
       {{"render", "scene.xml", "-o", "/nonexistent/x.exr"}, "there is no folder /nonexistent"},
       {{"render", "scene.xml", "-o", out, "--png", "x.exr"}, "--png: x.exr: the name does not end in .png"},
       {{"render", "scene.xml", "-o", out, "--workers", "0"}, "--workers: '0' is not a whole number from 1"},
@@ -298,6 +308,46 @@ TEST(Program, HelpMayBeACommand) {
   EXPECT_EQ(run({"help"}).code, 0);
   EXPECT_NE(run({"help", "rendr"}).err.find("there is no command 'rendr' (did you mean 'render'?)"),
             std::string::npos);
+}
+
+// Claim: `candela help INTEGRATOR` prints every setting of it with its default, and the program's help and
+// that of --integrator name the integrators.
+TEST(Program, HelpPrintsSettingsOfIntegrators) {
+  const RendererFacts facts = renderer_facts();
+  const Outcome r = run({"help", "vcm"});
+  EXPECT_EQ(r.code, 0) << r.err;
+  const auto settings = facts.setting_docs("vcm");
+  ASSERT_TRUE(settings.ok());
+  ASSERT_GT(settings->size(), 3U);
+  for (const IntegratorSetting& setting : *settings) {
+    const std::string line = "  " + setting.name + " (" + setting.type + "; default " +
+                             (setting.default_value.empty() ? "none" : setting.default_value) + ")\n";
+    EXPECT_NE(r.out.find(line), std::string::npos) << line << r.out;
+  }
+  for (const std::string& name : facts.integrator_names())
+    for (const std::vector<std::string>& help :
+         std::vector<std::vector<std::string>>{{"--help"}, {"submit", "--help"}})
+      EXPECT_NE(run(help).out.find(name), std::string::npos) << name;
+}
+
+// Claim: help is as wide as $COLUMNS says, and says the same.
+TEST(Program, HelpWrapsToTheTerminal) {
+  const auto words = [](const std::string& text) {
+    std::istringstream in(text);
+    return std::vector<std::string>(std::istream_iterator<std::string>(in), {});
+  };
+  const std::string whole = run({"submit", "--help"}).out;
+  for (const char* columns : {"100", "80", "50"}) {
+    ::setenv("COLUMNS", columns, 1);
+    const std::string wrapped = run({"submit", "--help"}).out;
+    ::unsetenv("COLUMNS");
+    EXPECT_EQ(words(wrapped), words(whole));
+    std::istringstream lines(wrapped);
+    for (std::string line; std::getline(lines, line);) {
+      if (!line.starts_with("  candela "))
+        EXPECT_LE(line.size(), static_cast<std::size_t>(std::atoi(columns))) << line;
+    }
+  }
 }
 
 // Claim: help and version are exit code 0 on standard output.

@@ -187,6 +187,40 @@ class CertificatesTest : public RolesTest {
   std::unique_ptr<wire::Authority> authority_;
 };
 
+// Claim: a group is steered by who submitted it, and by operators, as a job is; a token means another group
+// for another submitter, so that nobody's frames come into somebody else's.
+TEST_F(CertificatesTest, GroupsAreTheirSubmitters) {
+  const auto ann = farm("ann", {Role::submit}), bob = farm("bob", {Role::submit}),
+             op = farm("op", {Role::operate});
+  const auto submit_frame = [&](v1::FarmService::Stub& stub) {
+    JobSettings settings;
+    settings.width = kWidth;
+    settings.height = kHeight;
+    v1::SubmitRequest request = test::submission(kScene, settings, 8);
+    request.mutable_frame()->set_group_name("shot");
+    request.mutable_frame()->set_group_token("token");
+    v1::SubmitResponse response;
+    grpc::ClientContext context;
+    EXPECT_TRUE(test::upload(stub, kScene, sha256_hex(kScene), kScene.size()).ok());
+    EXPECT_TRUE(stub.Submit(&context, request, &response).ok());
+    return response.group_id();
+  };
+  const auto pause = [](v1::FarmService::Stub& stub, const std::string& id) {
+    v1::SteerGroupRequest request;
+    request.set_group_id(id);
+    request.set_action(v1::SteerGroupRequest::ACTION_PAUSE);
+    v1::GroupStatus out;
+    grpc::ClientContext context;
+    return stub.SteerGroup(&context, request, &out).error_code();
+  };
+  const std::string group = submit_frame(*ann);
+  EXPECT_EQ(submit_frame(*ann), group);
+  EXPECT_NE(submit_frame(*bob), group);
+  EXPECT_EQ(pause(*bob, group), kDenied);
+  EXPECT_EQ(pause(*ann, group), grpc::StatusCode::OK);
+  EXPECT_EQ(pause(*op, group), grpc::StatusCode::OK);
+}
+
 // Claim: with TLS a certificate may call what its roles allow: `read` looks; `submit` also submits and
 // steers jobs; `operate` does all but a worker's work; `worker` works, sees the farm's workers, and nothing
 // else. A certificate without a role may do nothing. Each refusal names role and certificate.
@@ -194,13 +228,14 @@ TEST_F(CertificatesTest, MayWhatTheirRolesAllow) {
   const std::set<std::string> read = {"FarmService/GetServerInfo", "FarmService/ListJobs",
                                       "FarmService/GetJob",        "FarmService/WatchJob",
                                       "FarmService/FetchImage",    "FarmService/ListEvents",
-                                      "FarmService/ListWorkers",   "FarmService/GetLedger"};
+                                      "FarmService/ListWorkers",   "FarmService/GetLedger",
+                                      "FarmService/FindJobs",      "FarmService/GetGroup"};
   std::set<std::string> submit = read, operate,
                         worker = {"FarmService/GetServerInfo", "FarmService/ListWorkers"};
   // Of jobs that there are not: what a call says of others' jobs is another test.
   submit.insert({"FarmService/FindMissingBlobs", "FarmService/UploadBlob", "FarmService/Submit",
                  "FarmService/PauseJob", "FarmService/ResumeJob", "FarmService/ExtendJob",
-                 "FarmService/CancelJob", "FarmService/SetPriority"});
+                 "FarmService/CancelJob", "FarmService/SetPriority", "FarmService/SteerGroup"});
   for (const std::string& call : calls_of_the_protocol())
     (call.starts_with("WorkerService/") ? worker : operate).insert(call);
   const std::map<std::string, std::pair<Roles, std::set<std::string>>> expected = {

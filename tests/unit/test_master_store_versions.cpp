@@ -195,13 +195,19 @@ TEST(StoreVersions, EarlierOnesBecomeThePresentOne) {
   }
 }
 
-// Of all that version 12 brought; of that and of all that version 11 did; of all that version 10 did.
-// Preconditions: the store is the present one.
+// Of all that version 13 brought; of that and of all that version 12 did; of these and of all that version 11
+// did; of all that version 10 did. Preconditions: the store is the present one.
+#define CANDELA_WITHOUT_GROUPS                                                       \
+  "ALTER TABLE jobs DROP COLUMN group_id; ALTER TABLE jobs DROP COLUMN group_name; " \
+  "ALTER TABLE jobs DROP COLUMN frame; ALTER TABLE jobs DROP COLUMN frames; "        \
+  "ALTER TABLE jobs DROP COLUMN depends; "
+constexpr const char* kWithoutGroups = CANDELA_WITHOUT_GROUPS;
 constexpr const char* kWithoutDecisions =
-    "ALTER TABLE jobs DROP COLUMN decided; ALTER TABLE jobs DROP COLUMN pilot_form; ";
-constexpr const char* kWithoutIndices =
+    CANDELA_WITHOUT_GROUPS "ALTER TABLE jobs DROP COLUMN decided; ALTER TABLE jobs DROP COLUMN pilot_form; ";
+constexpr const char* kWithoutIndices = CANDELA_WITHOUT_GROUPS
     "ALTER TABLE jobs DROP COLUMN decided; ALTER TABLE jobs DROP COLUMN pilot_form; "
     "ALTER TABLE jobs DROP COLUMN stop_indices; ALTER TABLE jobs DROP COLUMN scene_path; ";
+#undef CANDELA_WITHOUT_GROUPS
 constexpr const char* kWithoutAudits =
     "ALTER TABLE jobs DROP COLUMN audit; ALTER TABLE units DROP COLUMN made_by; "
     "ALTER TABLE units DROP COLUMN sha256; DROP TABLE distrusted; "
@@ -538,6 +544,40 @@ TEST(StoreVersions, TheEleventhLearnsDecisions) {
     row.decided = bytes;
     ASSERT_TRUE(store.write(std::vector<Change>{PutJob{row}}).ok());
     first = false;
+  });
+}
+
+// Claim: a store of version 12, which knew neither groups nor jobs that wait for others, becomes the present
+// one with its jobs as they were, and then keeps both.
+TEST(StoreVersions, TheTwelfthLearnsGroups) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "version12.sqlite";
+  JobRow j;
+  j.id = "j";
+  j.bundle_sha256 = "hash";
+  j.settings.width = 30;
+  j.settings.height = 20;
+  j.scene_path = "scenes/a box.xml";
+  {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok());
+    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}}).ok());
+  }
+  const std::set<std::string> present = Database(path).shape();
+  {
+    Database old(path);
+    old.execute(kWithoutGroups);
+    old.execute("PRAGMA user_version=12");
+    EXPECT_NE(old.shape(), present) << "nothing is tested";
+  }
+  expect_present(path, present, [&](Store& store, const StoredState& state) {
+    const JobRow& read = state.jobs.at(0);
+    EXPECT_EQ(read.scene_path, j.scene_path);
+    EXPECT_EQ(read.frame, j.frame);
+    EXPECT_EQ(read.depends, j.depends);
+    j.frame = FrameRow{"gabc", "a shot", -7, 240};
+    j.depends = {"jone", "gtwo"};
+    ASSERT_TRUE(store.write(std::vector<Change>{PutJob{j}}).ok());
   });
 }
 
