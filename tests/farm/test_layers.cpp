@@ -9,13 +9,44 @@
 namespace candela::farm {
 namespace {
 
+// A partition of all paths of the box, by the last letter before the lens.
+const std::vector<std::string> kByLastLetter = {
+    "--layer",    "by.seen=LE",           "--layer", "by.diffuse=L[DGSV]*DE",
+    "--layer",    "by.glossy=L[DGSV]*GE", "--layer", "by.specular=L[DGSV]*SE",
+    "--partition"};
+
+// The layers of a file, whose names are in `names` and begin with `prefix`, add up to its image, but for the
+// rounding of floats.
+void expect_sum(const std::string& file, const std::vector<std::string>& names, std::string_view prefix,
+                double tolerance) {
+  const image::Image image = *image::read_image(file);
+  std::vector<double> sum(image.rgb.size());
+  std::size_t parts = 0;
+  for (const std::string& name : names) {
+    if (!name.starts_with(prefix)) continue;
+    const auto layer = image::read_layer(file, name);
+    ASSERT_TRUE(layer.ok()) << name;
+    ++parts;
+    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += static_cast<double>(layer->rgb[i]);
+  }
+  ASSERT_GT(parts, 1U);
+  double mean = 0;
+  for (const float v : image.rgb) mean += static_cast<double>(v) / static_cast<double>(image.rgb.size());
+  ASSERT_GT(mean, 0);
+  for (std::size_t i = 0; i < sum.size(); ++i)
+    ASSERT_NEAR(sum[i], static_cast<double>(image.rgb[i]), tolerance * (mean + std::abs(sum[i])))
+        << prefix << " value " << i;
+}
+
 // Claim: every technique's layer is the same to the last bit on one machine and on a farm whose master and
 // worker are killed on the way, with the names of the layers in the job, and the weighted layers add up to
 // the image. (Each sum is rounded on its own, by less than 2^-20 of the mean a sample: 1e-4 is far above it.)
+// So do layers by light path expressions, whose sums are the image's: only floats are rounded.
 TEST(Layers, SurviveDeathsToTheLastBit) {
   constexpr std::uint64_t iterations = 250;
-  const std::vector<std::string> options = {"--integrator", "bdpt",          "--set", "layers=both",
-                                            "--set",        "layer_depth=3", "--set", "max_depth=5"};
+  std::vector<std::string> options = {"--integrator", "bdpt",          "--set", "layers=both",
+                                      "--set",        "layer_depth=3", "--set", "max_depth=5"};
+  options.insert(options.end(), kByLastLetter.begin(), kByLastLetter.end());
   Farm farm;
   farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.05", "--lease-time", "2"});
   Process& victim = farm.start_worker("victim");
@@ -49,32 +80,31 @@ TEST(Layers, SurviveDeathsToTheLastBit) {
 
   const image::Image image = *image::read_image(fetched);
   expect_identical(image, *image::read_image(rendered), "the image");
-  std::vector<double> sum(image.rgb.size());
-  for (const std::string& name : done.layers()) {
+  const std::vector<std::string> names(done.layers().begin(), done.layers().end());
+  for (const std::string& name : names) {
     const auto here = image::read_layer(rendered, name);
     const auto there = image::read_layer(fetched, name);
     ASSERT_TRUE(here.ok() && there.ok()) << name;
     expect_identical(*there, *here, name);
     EXPECT_NE(image.metadata.at("candela:layers").find(name), std::string::npos);
-    if (!name.starts_with("weighted")) continue;
-    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += static_cast<double>(here->rgb[i]);
   }
-  double mean = 0;
-  for (const float v : image.rgb) mean += static_cast<double>(v) / static_cast<double>(image.rgb.size());
-  ASSERT_GT(mean, 0);
-  for (std::size_t i = 0; i < sum.size(); ++i)
-    ASSERT_NEAR(sum[i], static_cast<double>(image.rgb[i]), 1e-4 * (mean + std::abs(sum[i]))) << "value " << i;
+  expect_sum(fetched, names, "weighted", 1e-4);
+  expect_sum(fetched, names, "by.", 1e-6);
   EXPECT_TRUE(image::read_layer(fetched, "error").ok());
   EXPECT_FALSE(image::read_layer(rendered, "error").ok());
 }
 
 // Claim: the AOVs of a job of chains, whose eye samples are counted pixel by pixel, are the same to the last
 // bit from `candela render` and from a farm of two workers whose master is killed on the way; so is the
-// variance, which is the square of the error. A job without AOVs has the same image.
+// variance, which is the square of the error. So are layers by light path expressions, which share the
+// image's b and add up to it. A job without AOVs and layers has the same image.
 TEST(Layers, AovsOfChainsAreTheSameEverywhere) {
   constexpr std::uint64_t iterations = 40;
-  const std::vector<std::string> options = {"--integrator", "pssmlt",      "--set", "chains=8",
-                                            "--set",        "mutations=4", "--aov", "albedo,normal,depth"};
+  const std::vector<std::string> plain = {"--integrator", "pssmlt", "--set",
+                                          "chains=8",     "--set",  "mutations=4"};
+  std::vector<std::string> options = plain;
+  options.insert(options.end(), {"--aov", "albedo,normal,depth"});
+  options.insert(options.end(), kByLastLetter.begin(), kByLastLetter.end());
   Farm farm;
   farm.start_master({"--unit-time", "0.05", "--checkpoint-interval", "0.05", "--lease-time", "2"});
   farm.start_worker("one");
@@ -109,9 +139,17 @@ TEST(Layers, AovsOfChainsAreTheSameEverywhere) {
   ASSERT_TRUE(error.ok() && variance.ok());
   for (std::size_t i = 0; i < error->rgb.size(); ++i)
     ASSERT_NEAR(variance->rgb[i], error->rgb[i] * error->rgb[i], 1e-6F * variance->rgb[i]);
-  std::vector<std::string> plain(options.begin(), options.end() - 2);
+  const v1::JobStatus done = farm.job(id);
+  const std::vector<std::string> names(done.layers().begin(), done.layers().end());
+  EXPECT_EQ(names.size(), 4U + 3U);
+  for (const std::string& name : names) {
+    const auto here = image::read_layer(rendered, name), there = image::read_layer(fetched, name);
+    ASSERT_TRUE(here.ok() && there.ok()) << name;
+    expect_identical(*there, *here, name);
+  }
+  expect_sum(fetched, names, "by.", 1e-6);
   expect_identical(*image::read_image(render("plain.exr", plain)), *image::read_image(rendered),
-                   "without AOVs");
+                   "without AOVs and layers");
 }
 
 }  // namespace
