@@ -14,6 +14,7 @@
 #include "common/film/counts.h"
 #include "common/job/plan_words.h"
 #include "common/wire/job_figures.h"
+#include "common/wire/wire.h"
 
 namespace candela::client {
 namespace {
