@@ -180,7 +180,7 @@ class CountedFarm {
 // film by the same plan.
 TEST(PilotOnAFarm, TrialsRunOnceAJob) {
   ASSERT_TRUE(log::initialise("test", "off", "text").ok());
-  for (const char* integrator : {"upbp", "optimis", "vcm"}) {
+  for (const char* integrator : {"upbp", "vcm"}) {
     SCOPED_TRACE(integrator);
     std::map<std::size_t, std::pair<std::string, std::string>> seen;  // film and plan
     for (const std::size_t workers : {1, 3}) {

@@ -202,7 +202,7 @@ TEST_F(PreviewTest, TevShowsThePicture) {
   EXPECT_EQ(tev.connections, 1);
   EXPECT_EQ(tev.created, 1);
   EXPECT_GE(tev.updated_rows, 30);
-  EXPECT_EQ(tev.name, "candela scene.xml");
+  EXPECT_EQ(tev.name, "candela " + folder_.path().filename().string());  // the name of its folder
   EXPECT_EQ(tev.width, 40);
   EXPECT_EQ(tev.height, 30);
   EXPECT_EQ(tev.rgb, pixels("x.exr"));

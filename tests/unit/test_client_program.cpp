@@ -198,10 +198,10 @@ TEST(Json, JobShape) {
   EXPECT_TRUE(nlohmann::json::parse(wire::job_json(s)).at("error_upper").is_null());
 }
 
-// Claim: lists are objects with one named array, also when empty.
+// Claim: lists are objects with named arrays, also when empty.
 TEST(Json, ListShapes) {
   EXPECT_EQ(nlohmann::json::parse(wire::jobs_json({})),
-            nlohmann::json::parse(R"({"jobs": [], "total": 0, "next": null})"));
+            nlohmann::json::parse(R"({"jobs": [], "groups": [], "total": 0, "next": null})"));
   EXPECT_EQ(
       nlohmann::json::parse(wire::workers_json({})),
       nlohmann::json::parse(R"({"workers": [], "wanted": {"threads": 0, "workers": 0}, "distrusted": []})"));
@@ -277,7 +277,7 @@ TEST(Program, BadUsageIsOneLineAndCodeTwo) {
       {{"submit", "scene.xml", "--token", "a\xff"}, "--token: 'a\\xff' is not"},
       {{"submit", "scene.xml", "-D", "a=\xff"}, "--define: 'a=\\xff' is not"},
       {{"submit", "scene.xml", "--set", "a\xff=1"}, "--set: 'a\\xff=1' is not"},
-      {{"show", "\xff"}, "ID: '\\xff' is not"},
+      {{"show", "\xff"}, "ID...: '\\xff' is not"},
       {{"drain", "\xff"}, "WORKER: '\\xff' is not"},
       {{"show", "a\u202eb\nc", "--master", "\u202e"}, "'\\u202e' is not HOST:PORT"},
   };
@@ -344,8 +344,9 @@ TEST(Program, HelpWrapsToTheTerminal) {
     EXPECT_EQ(words(wrapped), words(whole));
     std::istringstream lines(wrapped);
     for (std::string line; std::getline(lines, line);) {
-      if (!line.starts_with("  candela "))
+      if (!line.starts_with("  candela ")) {
         EXPECT_LE(line.size(), static_cast<std::size_t>(std::atoi(columns))) << line;
+      }
     }
   }
 }

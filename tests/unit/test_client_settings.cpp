@@ -210,7 +210,7 @@ TEST(Settings, FiltersTakeTheirOwnNumbers) {
 // together.
 TEST(Settings, OptionsBeatTheScene) {
   SceneOptions options;
-  options.integrator = "bdpt";
+  options.integrator.emplace("bdpt");
   options.sets = {"max_depth=4"};
   options.size = "64x32";
   options.filter = "box";

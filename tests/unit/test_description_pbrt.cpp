@@ -28,6 +28,10 @@ std::string xml_sphere(const std::string& inside) {
 std::string xml_twosided(const std::string& bsdf) {
   return "<bsdf type='twosided'>" + bsdf + "</bsdf>";
 }
+// The bsdf with an id.
+std::string named(std::string bsdf, const std::string& id) {
+  return bsdf.insert(std::string("<bsdf").size(), " id='" + id + "'");
+}
 std::string gray(const std::string& name, double value) {
   const std::string v = fmt::format("{}", value);
   return "<rgb name='" + name + "' value='" + v + ", " + v + ", " + v + "'/>";
@@ -78,10 +82,10 @@ TEST(DescriptionPbrt, WorldsMeanTheSameAsTheirTwins) {
       {"MakeNamedMaterial \"a\" \"string type\" \"thindielectric\"\nMakeNamedMaterial \"b\" \"string type\" "
        "\"mix\" \"string materials\" [\"a\" \"c\"] \"float amount\" 0.25\nNamedMaterial \"b\"\nShape "
        "\"sphere\"\nMakeNamedMaterial \"c\" \"string type\" \"diffuse\"",
-       xml_sphere(
-           "<bsdf type='blendbsdf'><float name='weight' value='0.25'/><bsdf type='thindielectric'><float "
-           "name='int_ior' value='1.5'/><float name='ext_ior' value='1'/></bsdf>" +
-           half + "</bsdf>")},
+       xml_sphere("<bsdf type='blendbsdf' id='b'><float name='weight' value='0.25'/><bsdf "
+                  "type='thindielectric' id='a'>"
+                  "<float name='int_ior' value='1.5'/><float name='ext_ior' value='1'/></bsdf>" +
+                  named(half, "c") + "</bsdf>")},
       {"Material \"diffusetransmission\" \"rgb reflectance\" [.6 .1 .1] \"rgb transmittance\" [.1 .6 .1] "
        "\"float scale\" .5\nShape \"sphere\"",
        xml_sphere("<bsdf type='difftrans'><rgb name='reflectance' value='.3,.05,.05'/><rgb "
@@ -136,7 +140,7 @@ TEST(DescriptionPbrt, WorldsMeanTheSameAsTheirTwins) {
        "3] "
        "\"float g\" 0.5\nMediumInterface \"fog\" \"\"\nMaterial \"interface\"\nShape \"sphere\"",
        xml_sphere(
-           "<bsdf type='null'/><medium name='interior' type='homogeneous'>" + gray("sigma_t", 4) +
+           "<bsdf type='null'/><medium name='interior' id='fog' type='homogeneous'>" + gray("sigma_t", 4) +
            gray("albedo", 0.75) +
            "<float name='scale' value='1'/><phase type='hg'><float name='g' value='0.5'/></phase></medium>")},
   };
