@@ -30,6 +30,7 @@ void add_objects(CLI::App& app, Context& context);
 void add_events(CLI::App& app, Context& context);
 void add_compare(CLI::App& app, Context& context);
 void add_convert(CLI::App& app, Context& context);
+void add_inspect(CLI::App& app, Context& context);
 void add_version(CLI::App& app, Context& context);
 void add_doctor(CLI::App& app, Context& context);
 void add_completion(CLI::App& app, Context& context);

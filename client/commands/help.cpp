@@ -13,6 +13,7 @@
 #include "client/values.h"
 #include "common/base/files.h"
 #include "common/base/version.h"
+#include "common/image/color_map.h"
 #include "common/job/aov.h"
 #include "common/job/setting_names.h"
 
@@ -53,10 +54,11 @@ Choices choices(const RendererFacts& facts) {
           {"--isa", words(kIsaNames)},
           {"--aov", aov_words()},
           {"--until", {"relmse="}},
-          {"--half", {"A", "B"}}};
+          {"--half", {"A", "B"}},
+          {"--map", words(image::kColorMapNames)}};
 }
 
-Result<int> write_pages(const CLI::App& app, const std::string& folder) {
+Result<int> write_pages(CLI::App& app, const std::string& folder) {
   CANDELA_TRY(make_directories(folder));
   for (const auto& [name, page] : man_pages(visible_commands(app)))
     CANDELA_TRY(write_file_atomically(std::filesystem::path(folder) / name, page));

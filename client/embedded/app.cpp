@@ -56,6 +56,7 @@ void add_commands(CLI::App& app, Context& context) {
   add_events(app, context);
   add_compare(app, context);
   add_convert(app, context);
+  add_inspect(app, context);
   add_doctor(app, context);
   add_completion(app, context);
   add_version(app, context);
@@ -83,23 +84,33 @@ bool is_command(const CLI::App& app, const std::string& word) {
 }
 
 // The commands that have an option: " (it is an option of 'fetch')"; empty if none has.
-std::string owners(const CLI::App& app, const std::string& name) {
+std::string owners(CLI::App& app, const std::string& name) {
   constexpr std::size_t max_named = 3;
   std::vector<std::string> commands;
-  for (const CLI::App* sub : app.get_subcommands([](const CLI::App* s) { return !s->get_group().empty(); }))
-    if (name.starts_with("--") && sub->get_option_no_throw(name) != nullptr)
-      commands.push_back(fmt::format("'{}'", sub->get_name()));
+  for (const auto& [command, sub] : commands_of(app))
+    if (!sub->get_group().empty() && name.starts_with("--") && sub->get_option_no_throw(name) != nullptr)
+      commands.push_back(fmt::format("'{}'", command));
   if (commands.empty()) return {};
   const bool more = commands.size() > max_named;
   if (more) commands.resize(max_named);
   return fmt::format(" (it is an option of {}{})", fmt::join(commands, ", "), more ? " and others" : "");
 }
 
-// What the parser could not make sense of, in words and with the nearest option.
-std::string explain(const CLI::App& app, const std::vector<std::string>& arguments,
-                    const CLI::ParseError& error) {
+// The command that was chosen, the innermost; `app` itself if none was.
+const CLI::App& chosen_command(const CLI::App& app) {
   const auto chosen = app.get_subcommands();
-  const CLI::App& command = chosen.empty() ? app : *chosen.front();
+  return chosen.empty() ? app : chosen_command(*chosen.front());
+}
+
+// "candela inspect falsecolor"
+std::string full_name(const CLI::App& command) {
+  const CLI::App* const parent = command.get_parent();
+  return (parent == nullptr ? std::string() : full_name(*parent) + ' ') + command.get_name();
+}
+
+// What the parser could not make sense of, in words and with the nearest option.
+std::string explain(CLI::App& app, const std::vector<std::string>& arguments, const CLI::ParseError& error) {
+  const CLI::App& command = chosen_command(app);
   const std::string what = error.what();
   if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError)) {
     // The words the parser left over, looked up in the order they were given.
@@ -121,7 +132,7 @@ std::string explain(const CLI::App& app, const std::vector<std::string>& argumen
   if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ArgumentMismatch) &&
       what.find(": At Most 1 ") != std::string::npos)
     text = fmt::format("{} is given twice", printable(what.substr(0, what.find(':'))));
-  if (!chosen.empty()) text += fmt::format(" (see: candela {} --help)", command.get_name());
+  if (&command != &app) text += fmt::format(" (see: {} --help)", full_name(command));
   return text;
 }
 
@@ -164,13 +175,39 @@ std::unique_ptr<CLI::App> make_parser(Context& context) {
 
 namespace {
 
-// "candela help" and "candela help COMMAND", as they are written with --help.
-std::vector<std::string> spell_help(std::vector<std::string> arguments) {
+// How many of the words after the program's name are names of commands, each within the one before it.
+std::size_t count_commands(const CLI::App& app, const std::vector<std::string>& arguments) {
+  const CLI::App* command = &app;
+  std::size_t count = 0;
+  while (count + 1 < arguments.size() && is_command(*command, arguments[count + 1]))
+    command = command->get_subcommand(arguments[++count]);
+  return count;
+}
+
+// "candela help" and "candela help COMMAND", as they are written with --help. A word that is no command is
+// kept, to be refused.
+std::vector<std::string> spell_help(const CLI::App& app, std::vector<std::string> arguments) {
   if (arguments.size() < 2 || arguments[1] != "help") return arguments;
   arguments.erase(arguments.begin() + 1);
-  if (arguments.size() > 2) arguments.resize(2);
+  const std::size_t words = std::max<std::size_t>(2, count_commands(app, arguments) + 1);
+  if (arguments.size() > words) arguments.resize(words);
   arguments.emplace_back("--help");
   return arguments;
+}
+
+// The error of a word that should be a command and is none; empty if there is no such word.
+std::string unknown_command(const CLI::App& app, const std::vector<std::string>& arguments) {
+  const CLI::App* command = &app;
+  for (std::size_t i = 1; i < arguments.size(); ++i) {
+    const std::vector<std::string> names = command_names(*command);
+    if (names.empty() || arguments[i].empty() || arguments[i][0] == '-') break;
+    if (!is_command(*command, arguments[i]))
+      return fmt::format("there is no command '{}{}'{}",
+                         command == &app ? "" : full_name(*command).substr(app.get_name().size() + 1) + ' ',
+                         printable(arguments[i]), suggestion(arguments[i], names));
+    command = command->get_subcommand(arguments[i]);
+  }
+  return {};
 }
 
 }  // namespace
@@ -209,24 +246,21 @@ int print_help(const CLI::App& app, const CLI::Success& success, std::ostream& o
 }  // namespace
 
 int run_program(const std::vector<std::string>& given, std::ostream& out, std::ostream& err) {
-  const std::vector<std::string> arguments = spell_help(given);
   const char* level = std::getenv("CANDELA_LOG_LEVEL");
   if (const auto logging =
           log::initialise("candela", level != nullptr && *level != '\0' ? level : "warn", "text");
       !logging.ok())
     return report(err, logging.error().to_string(), logging.error().exit_code());
 
-  Context context{out, err, renderer_facts(), arguments, {}};
+  Context context{out, err, renderer_facts(), {}, {}};
   const std::unique_ptr<CLI::App> parser = make_parser(context);
   CLI::App& app = *parser;
   if (const auto code = help_on_integrator(given, app, context.facts, out, err)) return *code;
+  context.arguments = spell_help(app, given);
+  const std::vector<std::string>& arguments = context.arguments;
 
-  if (arguments.size() > 1 && !arguments[1].empty() && arguments[1][0] != '-' &&
-      !is_command(app, arguments[1]))
-    return report(err,
-                  fmt::format("there is no command '{}'{}", printable(arguments[1]),
-                              suggestion(arguments[1], command_names(app))),
-                  2);
+  if (const std::string unknown = unknown_command(app, arguments); !unknown.empty())
+    return report(err, unknown, 2);
 
   if (const std::string bare = option_without_value(arguments); !bare.empty())
     return report(err,
@@ -244,12 +278,13 @@ int run_program(const std::vector<std::string>& given, std::ostream& out, std::o
   } catch (const CLI::ParseError& error) {
     return report(err, explain(app, arguments, error), 2);
   }
-  for (const CLI::App* command : app.get_subcommands())
-    if (const auto checked = check_text(*command); !checked)
-      return report(err, checked.error().to_string(), checked.error().exit_code());
+  const CLI::App& command = chosen_command(app);
+  if (const auto checked = check_text(command); !checked)
+    return report(err, checked.error().to_string(), checked.error().exit_code());
   if (!context.command) {
     const std::optional<std::size_t> width = help_width();
     err << (width ? wrap_help(app.help(), *width) : app.help());
+    err << command.help();
     return report(err, "no command is given", 2);
   }
   try {

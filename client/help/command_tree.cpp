@@ -36,11 +36,21 @@ std::string CommandEntry::usage() const {
   return line;
 }
 
-std::vector<CommandEntry> visible_commands(const CLI::App& app) {
+std::vector<std::pair<std::string, CLI::App*>> commands_of(CLI::App& app) {
+  std::vector<std::pair<std::string, CLI::App*>> commands;
+  for (CLI::App* command : app.get_subcommands([](CLI::App*) { return true; })) {
+    const auto within = commands_of(*command);
+    if (within.empty()) commands.emplace_back(command->get_name(), command);
+    for (const auto& [name, inner] : within) commands.emplace_back(command->get_name() + ' ' + name, inner);
+  }
+  return commands;
+}
+
+std::vector<CommandEntry> visible_commands(CLI::App& app) {
   std::vector<CommandEntry> commands;
-  for (const CLI::App* command :
-       app.get_subcommands([](const CLI::App* sub) { return !sub->get_group().empty(); })) {
-    CommandEntry entry{command->get_name(), command->get_description(), examples_of(*command), {}};
+  for (const auto& [name, command] : commands_of(app)) {
+    if (command->get_group().empty()) continue;
+    CommandEntry entry{name, command->get_description(), examples_of(*command), {}};
     for (const CLI::Option* option : command->get_options()) entry.options.push_back(entry_of(*option));
     commands.push_back(std::move(entry));
   }

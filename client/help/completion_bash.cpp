@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <map>
+
 #include "client/help/completion.h"
 #include "client/values.h"
 
@@ -20,6 +22,7 @@ _candela_first_column() {
 
 _candela() {
   local current=${COMP_WORDS[COMP_CWORD]} option=${COMP_WORDS[COMP_CWORD-1]} command='' i
+  local groups=%GROUPS%
   COMPREPLY=()
   if [[ $current == = ]]; then
     current=''
@@ -28,8 +31,8 @@ _candela() {
   fi
   for ((i = 1; i < COMP_CWORD; ++i)); do
     if [[ ${COMP_WORDS[i]} != -* ]]; then
-      command=${COMP_WORDS[i]}
-      break
+      command=${command:+$command }${COMP_WORDS[i]}
+      [[ $groups == *" $command "* ]] || break
     fi
   done
   case $command in
@@ -75,17 +78,33 @@ std::string command_case(const CommandEntry& command, const Choices& choices) {
       "    {})\n      case $option in\n{}      esac\n"
       "      if [[ $current == -* ]]; then\n        _candela_words {} \"$current\"\n      else\n        {}\n"
       "      fi ;;\n",
-      command.name, values, shell_quote(options), arguments);
+      shell_quote(command.name), values, shell_quote(options), arguments);
 }
 
 }  // namespace
 
 std::string bash_completion(std::span<const CommandEntry> commands, const Choices& choices) {
-  std::string script(kBashHead), names;
+  std::string cases, names;
+  std::map<std::string, std::string> groups;  // the commands within each
   for (const CommandEntry& command : commands) {
-    names += command.name + " ";
-    script += command_case(command, choices);
+    if (const std::string group = command.group(); group.empty()) {
+      names += command.name + " ";
+    } else {
+      if (groups[group].empty()) names += group + " ";
+      groups[group] += command.name.substr(group.size() + 1) + " ";
+    }
+    cases += command_case(command, choices);
   }
+  std::string group_names = " ";
+  for (const auto& [group, within] : groups) {
+    group_names += group + " ";
+    cases += fmt::format("    {}) _candela_words {} \"$current\" ;;\n", shell_quote(group),
+                         shell_quote(within + "--help"));
+  }
+  constexpr std::string_view mark = "%GROUPS%";
+  std::string script(kBashHead);
+  script.replace(script.find(mark), mark.size(), shell_quote(group_names));
+  script += cases;
   script +=
       fmt::format("    '') _candela_words {} \"$current\" ;;\n", shell_quote(names + "--help --version"));
   return script + "  esac\n}\ncomplete -F _candela candela\n";

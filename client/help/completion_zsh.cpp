@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <map>
+
 #include "client/help/completion.h"
 #include "client/values.h"
 
@@ -78,14 +80,30 @@ std::string specifications(const OptionEntry& option, const Choices& choices, in
 
 std::string zsh_completion(std::span<const CommandEntry> commands, const Choices& choices) {
   std::string script(kZshHead);
-  for (const CommandEntry& command : commands)
+  std::map<std::string, std::string> groups;  // the commands within each, as _describe takes them
+  for (const CommandEntry& command : commands) {
+    const std::string group = command.group();
+    if (!group.empty()) {
+      if (groups[group].empty())
+        script += fmt::format("    {}\n", shell_quote(group + ":commands of its own"));
+      groups[group] += " " + shell_quote(command.name.substr(group.size() + 1) + ":" + escaped(command.text));
+      continue;
+    }
     script += fmt::format("    {}\n", shell_quote(command.name + ":" + escaped(command.text)));
+  }
   script +=
       "  )\n  if ((CURRENT == 2)); then\n    _describe command commands\n    return\n  fi\n"
-      "  local command=$words[2]\n  shift words\n  ((CURRENT--))\n  case $command in\n";
+      "  local command=$words[2]\n  shift words\n  ((CURRENT--))\n";
+  for (const auto& [group, within] : groups)
+    script += fmt::format(
+        "  if [[ $command == {0} ]]; then\n    if ((CURRENT == 2)); then\n      commands=({1})\n"
+        "      _describe command commands\n      return\n    fi\n"
+        "    command=\"{0} $words[2]\"\n    shift words\n    ((CURRENT--))\n  fi\n",
+        group, within);
+  script += "  case $command in\n";
   for (const CommandEntry& command : commands) {
     int position = 0;
-    script += fmt::format("    {})\n      _arguments", command.name);
+    script += fmt::format("    {})\n      _arguments", shell_quote(command.name));
     for (const OptionEntry& option : command.options) script += specifications(option, choices, position);
     script += " ;;\n";
   }

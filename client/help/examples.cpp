@@ -55,6 +55,10 @@ const std::map<std::string_view, std::vector<std::string_view>>& examples() {
       {"events", {"candela events j7 --limit 20"}},
       {"compare", {"candela compare out.exr reference.exr --worst 10"}},
       {"convert", {"candela convert out.exr out.png --exposure 1.5"}},
+      {"inspect falsecolor",
+       {"candela inspect falsecolor out.exr -o luminance.png --log",
+        "candela inspect falsecolor out.exr -o depth.png --layer depth --map turbo --percentiles 0,100",
+        "candela inspect falsecolor out.exr --minus reference.exr -o difference.png --signed"}},
       {"doctor", {"candela doctor --master farm:7070 --data /var/lib/candela"}},
       {"completion",
        {"candela completion bash > ~/.local/share/bash-completion/completions/candela",
@@ -67,8 +71,10 @@ const std::map<std::string_view, std::vector<std::string_view>>& examples() {
 }  // namespace
 
 void add_examples(CLI::App& app) {
-  for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
-    const auto found = examples().find(command->get_name());
+  for (CLI::App* group : app.get_subcommands([](CLI::App*) { return true; }))
+    group->footer("candela " + group->get_name() + " COMMAND --help says more about a command");
+  for (const auto& [name, command] : commands_of(app)) {
+    const auto found = examples().find(name);
     std::string footer;
     if (found != examples().end()) {
       footer = found->second.size() > 1 ? "Examples:" : "Example:";

@@ -1,6 +1,8 @@
 // Man pages in the macros of man(7).
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "client/help/pages.h"
 #include "common/base/version.h"
 
@@ -62,8 +64,15 @@ std::string term(const OptionEntry& option) {
   return fmt::format(".TP\n{}\n{}.\n", names, roff(option.text));
 }
 
+// "candela-inspect-falsecolor"
+std::string page_name(const CommandEntry& command) {
+  std::string name = "candela-" + command.name;
+  std::replace(name.begin(), name.end(), ' ', '-');
+  return name;
+}
+
 std::string command_page(const CommandEntry& command) {
-  std::string page = page_begin("candela-" + command.name, command.text);
+  std::string page = page_begin(page_name(command), command.text);
   page += ".SH SYNOPSIS\n" + bold("candela " + command.name);
   for (const OptionEntry& option : command.options)
     if (option.positional())
@@ -81,7 +90,7 @@ std::string main_page(std::span<const CommandEntry> commands) {
   page += ".SH SYNOPSIS\n" + bold("candela") + " " + italic("COMMAND") + " [" + italic("OPTIONS") +
           "]\n.SH COMMANDS\n";
   for (const CommandEntry& command : commands)
-    page += fmt::format(".TP\n.BR candela\\-{} (1)\n{}.\n", roff(command.name), roff(command.text));
+    page += fmt::format(".TP\n.BR {} (1)\n{}.\n", roff(page_name(command)), roff(command.text));
   page += ".SH EXIT STATUS\n";
   constexpr std::pair<std::string_view, std::string_view> codes[] = {
       {"0", "done"},
@@ -107,8 +116,7 @@ std::string main_page(std::span<const CommandEntry> commands) {
 std::map<std::string, std::string> man_pages(std::span<const CommandEntry> commands) {
   std::map<std::string, std::string> pages;
   pages["candela.1"] = main_page(commands);
-  for (const CommandEntry& command : commands)
-    pages["candela-" + command.name + ".1"] = command_page(command);
+  for (const CommandEntry& command : commands) pages[page_name(command) + ".1"] = command_page(command);
   return pages;
 }
 

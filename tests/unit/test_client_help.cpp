@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <filesystem>
@@ -47,21 +48,29 @@ std::vector<CommandEntry> commands_of_program() {
   return visible_commands(*make_parser(context));
 }
 
+// The words of a command line.
+std::vector<std::string> split(const std::string& text) {
+  std::istringstream line(text);
+  return {std::istream_iterator<std::string>(line), {}};
+}
+std::vector<std::string> operator+(std::vector<std::string> a, const std::vector<std::string>& b) {
+  a.insert(a.end(), b.begin(), b.end());
+  return a;
+}
+
 // Claim: every command has an example, which its --help and the reference show, and which the program's own
 // parser takes.
 TEST(Help, ExamplesOfAllCommandsParse) {
   const std::string reference = output_of_program({"help-markdown"});
   for (const CommandEntry& command : commands_of_program()) {
     ASSERT_FALSE(command.examples.empty()) << command.name;
-    const std::string help = output_of_program({command.name, "--help"});
+    const std::string help = output_of_program(split(command.name) + std::vector<std::string>{"--help"});
     for (const std::string& example : command.examples) {
       EXPECT_NE(help.find("\n  " + example + "\n"), std::string::npos) << help;
       EXPECT_NE(reference.find("\n    " + example + "\n"), std::string::npos) << example;
-      std::istringstream line(example.substr(0, example.find(" > ")));
-      std::vector<std::string> words{std::istream_iterator<std::string>(line), {}};
+      EXPECT_TRUE((example + " ").starts_with("candela " + command.name + " ")) << example;
+      const std::vector<std::string> words = split(example.substr(0, example.find(" > ")));
       ASSERT_GE(words.size(), 2U);
-      EXPECT_EQ(words[0], "candela");
-      EXPECT_EQ(words[1], command.name);
       std::ostringstream out, err;
       Context context{out, err, renderer_facts(), {}, {}};
       const auto parser = make_parser(context);
@@ -128,6 +137,9 @@ TEST_F(Completion, Bash) {
   EXPECT_EQ(complete({"candela", "fetch", "j1", "--half", ""}), "A\nB\nexit 0\n");
   EXPECT_EQ(complete({"candela", "completion", ""}), "bash\nzsh\nexit 0\n");
   EXPECT_EQ(complete({"candela", "render", "--seed", ""}), "\nexit 0\n");
+  EXPECT_EQ(complete({"candela", "insp"}), "inspect\nexit 0\n");
+  EXPECT_EQ(complete({"candela", "inspect", "fal"}), "falsecolor\nexit 0\n");
+  EXPECT_EQ(complete({"candela", "inspect", "falsecolor", "--map", "vi"}), "viridis\nexit 0\n");
   std::ofstream(folder_.path() / "a scene.xml") << "";
   EXPECT_EQ(complete({"candela", "render", "a s"}), "a scene.xml\nexit 0\n");
   EXPECT_EQ(complete({"candela", "render", "x.xml", "-o", "a s"}), "a scene.xml\nexit 0\n");
@@ -136,7 +148,8 @@ TEST_F(Completion, Bash) {
     for (const OptionEntry& option : command.options)
       if (!option.positional()) {
         const std::string name = option.names.back();
-        EXPECT_NE(("\n" + complete({"candela", command.name, name})).find("\n" + name + "\n"),
+        EXPECT_NE(("\n" + complete(split("candela " + command.name) + std::vector<std::string>{name}))
+                      .find("\n" + name + "\n"),
                   std::string::npos)
             << command.name << " " << name;
       }
@@ -177,7 +190,9 @@ TEST(ManPages, AreFormattedWithoutWarning) {
   const std::string format = "groff -man -ww -Tascii -P-cbou '" + folder.path().string() + "/";
   EXPECT_EQ(shell(format + "candela.1' >/dev/null"), "exit 0\n");
   for (const CommandEntry& command : commands) {
-    const std::string page = format + "candela-" + command.name + ".1'";
+    std::string name = command.name;
+    std::replace(name.begin(), name.end(), ' ', '-');
+    const std::string page = format + "candela-" + name + ".1'";
     EXPECT_EQ(shell(page + " >/dev/null"), "exit 0\n") << command.name;
     const std::string text = shell(page);
     for (const OptionEntry& option : command.options)

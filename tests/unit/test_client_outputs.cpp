@@ -71,6 +71,9 @@ TEST_F(Outputs, EmptyNamesAreRefused) {
       {{"convert", exr, ""}, "output"},
       {{"convert", "", in_folder("x.png")}, "input"},
       {{"compare", "", exr}, "image"},
+      {{"inspect", "falsecolor", "", "-o", in_folder("x.png")}, "image"},
+      {{"inspect", "falsecolor", exr, "-o", ""}, "--output"},
+      {{"inspect", "falsecolor", exr, "-o", in_folder("x.png"), "--minus", ""}, "--minus"},
       {{"compare", exr, ""}, "reference"},
   };
   for (const auto& c : cases) {

@@ -272,6 +272,14 @@ TEST(Program, BadUsageIsOneLineAndCodeTwo) {
       {{"show", "j1", "--master", "nowhere"}, "--master"},
       {{"compare", "/nonexistent/a.exr", "/nonexistent/b.exr"}, "/nonexistent/a.exr"},
       {{"convert", "a.exr", "b.jpg"}, "the name does not end in .png"},
+      {{"inspect"}, "no command is given"},
+      {{"inspect", "flasecolor", "a.exr"},
+       "there is no command 'inspect flasecolor' (did you mean 'falsecolor'?)"},
+      {{"inspect", "falsecolor", "a.exr", "-o", "b.png", "--layr", "x"},
+       "there is no option '--layr' (did you mean '--layer'?)"},
+      {{"inspect", "falsecolor", "a.exr"}, "(see: candela inspect falsecolor --help)"},
+      {{"inspect", "falsecolor", "a.exr", "-o", "b.png", "--layer", "\xff"},
+       "--layer: '\\xff' is not text in UTF-8"},
       {{}, "no command is given"},
       {{"submit", "scene.xml", "--name", "\xff"}, "--name: '\\xff' is not text in UTF-8"},
       {{"submit", "scene.xml", "--token", "a\xff"}, "--token: 'a\\xff' is not"},
@@ -305,6 +313,8 @@ TEST(Program, HelpMayBeACommand) {
   EXPECT_EQ(run({"help"}).out, run({"--help"}).out);
   EXPECT_EQ(run({"help", "render"}).out, run({"render", "--help"}).out);
   EXPECT_EQ(run({"help", "render", "scene.xml"}).out, run({"render", "--help"}).out);
+  EXPECT_EQ(run({"help", "inspect", "falsecolor", "a"}).out, run({"inspect", "falsecolor", "--help"}).out);
+  EXPECT_NE(run({"help", "inspect"}).out.find("falsecolor"), std::string::npos);
   EXPECT_EQ(run({"help"}).code, 0);
   EXPECT_NE(run({"help", "rendr"}).err.find("there is no command 'rendr' (did you mean 'render'?)"),
             std::string::npos);

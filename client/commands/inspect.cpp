@@ -1,0 +1,15 @@
+// candela inspect: tools that look into images, each a command of its own.
+#include <CLI/CLI.hpp>
+
+#include "client/commands/commands.h"
+#include "client/commands/inspect_tools.h"
+
+namespace candela::client {
+
+void add_inspect(CLI::App& app, Context& context) {
+  CLI::App* inspect = app.add_subcommand("inspect", "Look into an image with a tool");
+  inspect->require_subcommand(0, 1);
+  add_falsecolor(*inspect, context);
+}
+
+}  // namespace candela::client
