@@ -9,6 +9,8 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "common/base/shell_words.h"
+
 namespace candela::client {
 namespace {
 

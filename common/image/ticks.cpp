@@ -56,7 +56,7 @@ Ticks linear_ticks(const ColorScale& scale, double length, double capital) {
   const double largest = std::max(std::abs(scale.low), std::abs(scale.high)), range = scale.high - scale.low;
   const int magnitude = exponent_of(largest);
   const int exponent = magnitude < kSmallestPlain || magnitude > kLargestPlain ? magnitude : 0;
-  constexpr std::size_t kMostTicks = 9;
+  constexpr std::size_t kMostTicks = 7;
   for (int power = exponent_of(range) - 1; power <= exponent_of(range); ++power)
     for (const int mantissa : {1, 2, 5}) {
       const double step = mantissa * std::pow(10.0, power);
@@ -103,7 +103,8 @@ Ticks logarithmic_ticks(const ColorScale& scale, double length, double capital) 
   }
   for (const int every : {1, 2, 3, 5, 10, 20})
     if (std::vector<Tick> ticks = labeled({1}, every); good(ticks)) {
-      if (every > 1 || last - first > 12) {
+      const double decade = length / std::log10(scale.high / scale.low);
+      if (every > 1 || decade < 7 * capital) {
         minor.clear();
         for (int e = first; e <= last; ++e)
           if (within(number(1, e))) minor.push_back(number(1, e));
