@@ -190,9 +190,9 @@ TEST(ManPages, AreFormattedWithoutWarning) {
   const std::string format = "groff -man -ww -Tascii -P-cbou '" + folder.path().string() + "/";
   EXPECT_EQ(shell(format + "candela.1' >/dev/null"), "exit 0\n");
   for (const CommandEntry& command : commands) {
-    std::string name = command.name;
-    std::replace(name.begin(), name.end(), ' ', '-');
-    const std::string page = format + "candela-" + name + ".1'";
+    std::string file = command.name;
+    std::replace(file.begin(), file.end(), ' ', '-');
+    const std::string page = format + "candela-" + file + ".1'";
     EXPECT_EQ(shell(page + " >/dev/null"), "exit 0\n") << command.name;
     const std::string text = shell(page);
     for (const OptionEntry& option : command.options)

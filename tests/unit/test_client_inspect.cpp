@@ -82,7 +82,7 @@ TEST_F(Inspect, ShowsKnownValues) {
 
   const Outcome log = run({exr, "-o", png_, "--log", "--range", "0.1,1000", "--json"});
   ASSERT_EQ(log.code, 0) << log.err;
-  EXPECT_EQ(pixel(png_, 10, 1), image::color_at(image::ColorMap::viridis, 0.5));
+  EXPECT_EQ(pixel(png_, 30, 1), image::color_at(image::ColorMap::viridis, std::log10(300.0) / 4));
   EXPECT_EQ(pixel(png_, 100, 1), image::color_at(image::ColorMap::viridis, 0.75));
   EXPECT_EQ(pixel(png_, 0, 1), image::not_positive_color(image::ColorMap::viridis));
   EXPECT_EQ(nlohmann::json::parse(log.out).at("zero_or_less"), 3);
