@@ -150,10 +150,46 @@ TestScene scene_from_transport(std::string_view name, std::uint32_t width, std::
   return read_scene(std::move(scene), width, height);
 }
 
+namespace {
+
+// A renderer whose units have what its own pilot decides, whatever state they are given.
+class DecidedRenderer final : public render::Renderer {
+ public:
+  explicit DecidedRenderer(std::unique_ptr<render::Renderer> real) : real_(std::move(real)) {}
+  Result<PilotResult> pilot(const render::RunContext& context) const override {
+    return real_->pilot(context);
+  }
+  render::UnitOutput make_output(const NamedState& state) const override { return real_->make_output(state); }
+  Result<void> run(const Unit& unit, const render::UnitInput& input, render::UnitOutput& output,
+                   const render::RunContext& context) const override {
+    std::call_once(once_, [&] {
+      render::RunContext own;
+      own.threads = context.threads;
+      decided_ = real_->pilot(own);
+    });
+    if (!decided_->ok()) return decided_->error();
+    render::UnitInput with = input;
+    with.state.decided = decided_->value().state.decided;
+    return real_->run(unit, with, output, context);
+  }
+  Result<std::string> plan_text() const override { return real_->plan_text(); }
+  const scene::SceneFeatures* features() const override { return real_->features(); }
+
+ private:
+  const std::unique_ptr<render::Renderer> real_;
+  mutable std::once_flag once_;
+  mutable std::optional<Result<PilotResult>> decided_;
+};
+
+}  // namespace
+
 std::unique_ptr<render::Renderer> make_renderer(const TestScene& scene) {
   auto renderer = render::Renderer::create(*scene.files, scene.main_key, {}, scene.settings, 2);
   if (!renderer.ok()) give_up(renderer.error());
-  return std::move(renderer).value();
+  const auto& row = test::integrator_row(scene.settings.integrator);
+  // The others decide nothing.
+  if (!row.merges && row.name != "optimis") return std::move(renderer).value();
+  return std::make_unique<DecidedRenderer>(std::move(renderer).value());
 }
 
 namespace {

@@ -78,7 +78,7 @@ Mean mean_of_one_renderer(const TestScene& scene, const Method& method, std::uin
   for (std::uint64_t batch = 0; batch < kBatches; ++batch) {
     auto output = renderer->make_output(pilot->state);
     const Unit unit{Unit::Kind::iterations, 0, batch * iterations, (batch + 1) * iterations};
-    const auto done = renderer->run(unit, {pilot->state, {}, {}}, output, run);
+    const auto done = renderer->run(unit, {}, output, run);
     if (!done.ok()) throw std::runtime_error(done.error().to_string());
     for (const std::uint64_t rejected : output.film->tallies().rejected) EXPECT_EQ(rejected, 0U);
     std::vector<double>& image = batches.emplace_back();

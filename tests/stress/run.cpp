@@ -68,21 +68,20 @@ std::vector<double> render_batch(const TestScene& scene, const NamedState& state
   const auto renderer = statistical::make_renderer(seeded);
   render::RunContext run;
   run.fault = options.fault;
-  auto pilot = renderer->pilot(run);
-  if (!pilot.ok()) throw std::runtime_error(pilot.error().to_string());
-  pilot->state.film_scale_log2 = state.film_scale_log2;
   if (test::has_epochs(scene.settings.integrator)) {  // a whole job: both halves decide together
     if (first != 0) throw std::runtime_error("a job with epochs begins with its first iteration");
+    auto pilot = renderer->pilot(run);
+    if (!pilot.ok()) throw std::runtime_error(pilot.error().to_string());
+    pilot->state = state;
     const auto job = test::render_job(*renderer, *pilot, iterations, run);
     if (!job.ok()) throw std::runtime_error(job.error().to_string());
     tallies = job->tallies();
     for (const auto& sums : job->halves) proofs::film(statistical::identity(scene), sums.sums);
     return job->mean(0);
   }
-  auto output = renderer->make_output(pilot->state);
+  auto output = renderer->make_output(state);
   const auto& film = output.film;
-  const auto done = renderer->run({Unit::Kind::iterations, half, first, first + iterations},
-                                  {pilot->state, {}, {}}, output, run);
+  const auto done = renderer->run({Unit::Kind::iterations, half, first, first + iterations}, {}, output, run);
   if (!done.ok()) throw std::runtime_error(done.error().to_string());
   tallies = film->tallies();
   proofs::film(statistical::identity(scene), {film->sums(), film->layout().pixel_count() * 3});
