@@ -31,7 +31,7 @@ std::string text_of(const v1::JobName& job) {
 Result<v1::JobName> only_one(const v1::FoundJobs& found) {
   const std::string word = printable(found.word());
   if (found.jobs_size() == 0)
-    return refused_error(fmt::format("there is no job '{}'", word))
+    return usage_error(fmt::format("there is no job '{}'", word))
         .with_mend("give an id, the beginning of one, or a name; `candela list` shows them");
   if (found.total() == 1) return found.jobs(0);
   std::vector<std::string> texts;

@@ -28,7 +28,7 @@ constexpr std::uint32_t kMaxEvents = 200;
 constexpr std::size_t kMaxListed = 500;
 constexpr std::uint64_t kMaxShareUnits = 200000;  // of a job; beyond it the shares are not told
 constexpr auto kRound = std::chrono::milliseconds(250);
-constexpr double kLookSeconds = 5;  // between looks at the farm while somebody has the list open
+constexpr double kListLookSeconds = 5;  // between looks at the farm while somebody has the list open
 
 }  // namespace
 
@@ -264,7 +264,7 @@ void LivePage::look_at_farm() {
   if (now.seconds < history_.next_seconds() && (!watched || now.seconds < look_at_)) return;
   const double before = thread_cpu_seconds();
   newest_ = farm_.with_scheduler([&](Scheduler& s) { return history_.look(s, now); });
-  look_at_ = now.seconds + std::max(kLookSeconds, (thread_cpu_seconds() - before) / kLookShare);
+  look_at_ = now.seconds + std::max(kListLookSeconds, (thread_cpu_seconds() - before) / kLookShare);
   const bool kept = history_.keep_if_due(newest_, now);
   if (watched)
     out_.publish("farm",

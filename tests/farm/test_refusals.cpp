@@ -160,7 +160,6 @@ INSTANTIATE_TEST_SUITE_P(
     , BadOptions,
     testing::Values(
         BadOption{"Unknown", {"render", "SCENE", "-o", "OUT", "--iteratoins", "4"}, {"--iteratoins"}},
-        BadOption{"NoOutput", {"render", "SCENE", "--iterations", "4"}, {"output"}},
         BadOption{
             "ZeroIterations", {"render", "SCENE", "-o", "OUT", "--iterations", "0"}, {"--iterations", "0"}},
         BadOption{"NegativeIterations",
@@ -219,7 +218,7 @@ TEST(Processes, EndAsTheirCommandsDo) {
   const std::string id = farm.submit(4);
   const CommandResult listed = farm.candela_process({"list"});
   EXPECT_EQ(listed.exit_code, 0) << listed.err;
-  EXPECT_NE(listed.out.find(id), std::string::npos);
+  EXPECT_NE(listed.out.find(id.substr(0, 5)), std::string::npos);
   EXPECT_EQ(farm.candela_process({"cancel", id}).exit_code, 0);
   EXPECT_EQ(farm.candela_process({"watch", id, "--quiet"}).exit_code, 1);
   expect_refused(farm.candela_process({"show", "nojob"}), 2, {"nojob"});
