@@ -76,7 +76,7 @@ class FarmClient {
   };
   Result<v1::ListJobsResponse> list_jobs(const JobQuery& query);
   Result<v1::JobStatus> get_job(const std::string& id);
-  // What each of these words may mean. A master that cannot tell has each word taken for an id.
+  // Asks for the jobs that each word may mean. For a master without this call each word is an id.
   Result<v1::FindJobsResponse> find_jobs(const std::vector<std::string>& words);
   Result<v1::GroupStatus> get_group(const std::string& id);
   // An extension gets a token, by which a repeated call adds once.

@@ -14,8 +14,8 @@ namespace candela::client {
 // most 10,000.
 Result<std::vector<std::int32_t>> parse_frames(std::string_view text, std::string_view option);
 
-// What a pattern of names calls all frames: without the {frame} and the dots, lines and blanks around it.
-// Empty if nothing else is left.
+// Makes the group's name: the pattern without {frame} and without the dots, lines and blanks around it.
+// The name is empty if nothing else is left.
 std::string group_name_of(std::string_view pattern);
 
 }  // namespace candela::client

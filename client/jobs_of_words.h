@@ -13,7 +13,7 @@ namespace candela::client {
 // In the order of the words, each job once. Errors (input): nothing of this id or name; (usage): several,
 // with what they are.
 Result<std::vector<v1::JobName>> jobs_of_words(FarmClient& farm, const std::vector<std::string>& words);
-// The same of one word that means a job. A group is an error (usage).
+// Finds the job that one word means. A group is an error (usage).
 Result<v1::JobName> job_of_word(FarmClient& farm, const std::string& word);
 
 // Does something for each of them. Of one the error is the command's; of several each error is told on `err`,

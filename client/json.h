@@ -20,7 +20,7 @@ std::string version_json();
 std::string plan_json(const std::string& integrator, const std::map<std::string, std::string>& settings,
                       const std::string& plan);
 
-// Of `candela objects`: "surfaces", "lamps" and "media", lists of {name, count, kinds, bounds}.
+// Writes `candela objects` as JSON: "surfaces", "lamps", "media", lists of {name, count, kinds, bounds}.
 std::string objects_json(const description::ObjectList& objects);
 
 }  // namespace candela::client

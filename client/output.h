@@ -28,7 +28,7 @@ Result<ImageOutput> outputs_of(const std::optional<std::string>& output,
 // each is given.
 Result<void> check_layers(const ImageOutput& output,
                           std::initializer_list<std::pair<bool, const char*>> layers);
-// What a PNG alone lacks; empty if an EXR is written, too.
+// Names the contents that a PNG alone lacks; empty if an EXR is written, too.
 std::string png_note(const ImageOutput& output);
 
 Result<void> check_output(const ImageOutput& output);

@@ -12,7 +12,7 @@
 
 namespace candela::client {
 
-// What people call a scene: the name of its file, or of the folder where the file is called scene, main,
+// Names a scene after its file, or after its folder if the file is called scene, main,
 // index or the like. Never empty, at most Limits::max_name_bytes.
 std::string scene_name(const std::filesystem::path& scene_file);
 
@@ -24,7 +24,7 @@ std::string file_name_of(std::string_view name);
 Result<std::string> fill_pattern(std::string_view pattern, const std::map<std::string, std::string>& words,
                                  std::optional<std::int64_t> frame, std::string_view option);
 
-// Whether a pattern has a place for frames.
+// True if the pattern has a place for frames.
 bool has_frame(std::string_view pattern);
 
 }  // namespace candela::client

@@ -54,7 +54,7 @@ struct Extension {
   std::string token = {};  // two calls with one token extend once; empty: none
 };
 
-// What is done to all frames of a group.
+// An action on all frames of a group.
 struct GroupAction {
   enum class Kind : std::uint8_t { pause, resume, cancel, priority, extend };
   Kind kind = Kind::pause;

@@ -12,7 +12,7 @@ namespace {
 
 using Action = GroupAction::Kind;
 
-// Whether the action is for a frame in this state.
+// True if the action is for a frame in this state.
 bool is_for(Action action, JobState state) {
   if (action == Action::resume) return !has_ended(state) || state == JobState::failed;
   if (action == Action::extend) return state != JobState::failed;

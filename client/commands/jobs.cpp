@@ -28,7 +28,7 @@ struct JobOptions {
   std::optional<std::string> spp, iterations, time, until;  // extend
 };
 
-// What a command that may be about several jobs leaves as JSON: the object of one, or all in two lists.
+// Collects the JSON of a command on several jobs: one object for one job, or two lists for all.
 class Answers {
  public:
   void add(const v1::JobStatus& job) { *all_.add_jobs() = job; }
@@ -209,7 +209,7 @@ Result<int> run_extend(Context& context, const JobOptions& options) {
     CANDELA_ASSIGN(spp, parse_count(text, "--spp", 1, Limits::max_iterations));
   }
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
-  // Of --spp: rounds that bring at least so many samples.
+  // --spp asks for the rounds that bring at least as many samples.
   const auto set_rounds = [&](const v1::JobStatus& job) -> Result<void> {
     const double each = wire::samples_per_iteration(job);
     if (!(each > 0))

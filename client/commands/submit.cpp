@@ -46,7 +46,7 @@ Result<void> check_waits(const SubmitOptions& options) {
   return {};
 }
 
-// What all frames share: name and frame are still open.
+// Builds the part that all frames share, without name and frame.
 Result<Submission> submission_of(const SubmitOptions& options) {
   Submission submission;
   if (options.name && options.name->size() > Limits::max_name_bytes)

@@ -35,7 +35,7 @@ Result<int> run_watch(Context& context, const WatchOptions& options) {
 
 Result<int> run_fetch(Context& context, const WatchOptions& options) {
   CANDELA_ASSIGN(const auto half, parse_half(options.half, options.error_layer, options.variance_layer));
-  // What needs no farm is told before it is asked.
+  // Options are checked before the farm is asked.
   if (options.output.value_or("").find('{') == std::string::npos &&
       options.png.value_or("").find('{') == std::string::npos) {
     CANDELA_ASSIGN(const ImageOutput output, outputs_of(options.output, options.png, ""));

@@ -108,7 +108,7 @@ std::string full_name(const CLI::App& command) {
   return (parent == nullptr ? std::string() : full_name(*parent) + ' ') + command.get_name();
 }
 
-// What the parser could not make sense of, in words and with the nearest option.
+// Explains the parser's error in words and with the nearest option.
 std::string explain(CLI::App& app, const std::vector<std::string>& arguments, const CLI::ParseError& error) {
   const CLI::App& command = chosen_command(app);
   const std::string what = error.what();
@@ -175,7 +175,7 @@ std::unique_ptr<CLI::App> make_parser(Context& context) {
 
 namespace {
 
-// How many of the words after the program's name are names of commands, each within the one before it.
+// Counts the leading arguments that name nested commands.
 std::size_t count_commands(const CLI::App& app, const std::vector<std::string>& arguments) {
   const CLI::App* command = &app;
   std::size_t count = 0;

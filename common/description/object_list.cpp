@@ -37,7 +37,7 @@ Box transformed(const Box& box, const Mat4& m) {
   return result;
 }
 
-// Of shapes that no file and no list describes, in the world or the space of their shapegroup.
+// Bounds a shape that neither a file nor a list describes, in the world or in its shapegroup's space.
 std::optional<Box> bounds_of_shape(const Object& shape) {
   Box box;
   const auto add_ball = [](Box& to, const Vec3& center, double radius) {

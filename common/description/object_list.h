@@ -15,7 +15,7 @@
 
 namespace candela::description {
 
-// What letters::Automaton::compile() asks of a scene. A shape of a shapegroup is one object.
+// Input of letters::Automaton::compile(). A shape of a shapegroup is one object.
 struct LetterObjects {
   std::vector<letters::ObjectNames> names;
   std::vector<std::uint8_t> uses;       // letters::ObjectUse of each

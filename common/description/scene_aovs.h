@@ -19,7 +19,7 @@ Result<std::string> aovs_of_scene(const Property& aovs, bool lenient, std::vecto
 // common/letters/request.h reads it.
 Result<std::string> layers_of_scene(const Property& layers);
 
-// Whether such an element makes layers, and the image is that of the integrator inside it.
+// True if the element makes layers and leaves the image to the integrator inside the element.
 bool is_layer_element(std::string_view plugin);
 
 }  // namespace candela::description

@@ -10,7 +10,7 @@ namespace candela::image {
 
 enum class ColorMap : std::uint8_t { viridis, turbo, grey, heat, cool_warm };
 
-// Of the maps that people choose among, in the order of ColorMap. cool_warm has no name: it serves values of
+// Names of the maps to choose, in the order of ColorMap. cool_warm has no name: cool_warm serves values of
 // either sign, white-gray at 0.5.
 inline constexpr std::array<std::string_view, 4> kColorMapNames = {"viridis", "turbo", "grey", "heat"};
 std::optional<ColorMap> color_map_of(std::string_view name);

@@ -16,7 +16,7 @@ bool has_color(float value, bool logarithmic) {
   return std::isfinite(value) && (!logarithmic || value > 0);
 }
 
-// Of sorted ranks 0 to n - 1 the value at a fractional one; reorders the values.
+// Returns the value at a fractional rank among 0 to n - 1; reorders the values.
 double at_rank(std::vector<float>& values, double rank) {
   const auto below = static_cast<std::ptrdiff_t>(rank);
   const auto lower = values.begin() + below;

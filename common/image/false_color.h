@@ -12,7 +12,7 @@
 
 namespace candela::image {
 
-// Which number has which place on the color map.
+// Maps numbers to places on the color map.
 struct ColorScale {
   double low = 0, high = 1;  // low < high; of a logarithmic scale both above 0
   bool logarithmic = false;

@@ -17,7 +17,7 @@ int exponent_of(double value) {
   return static_cast<int>(std::floor(std::log10(value) + 1e-9));
 }
 
-// Whether no two neighbors touch.
+// True if no two neighbors touch.
 bool fit(const ColorScale& scale, const std::vector<Tick>& ticks, double length, double capital) {
   for (std::size_t i = 1; i < ticks.size(); ++i) {
     const double distance = (scale.position(ticks[i].value) - scale.position(ticks[i - 1].value)) * length;

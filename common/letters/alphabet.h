@@ -25,7 +25,7 @@ enum ObjectUse : std::uint8_t { kLampObject = 1, kSurfaceObject = 2, kMediumObje
 class Alphabet {
  public:
   using Class = std::uint16_t;
-  // Of the first, inner and last vertices of paths: L, {D, G, S, V}, E.
+  // Place of a vertex on its path: first (L), inner (D, G, S, V), last (E).
   enum class Place : std::uint8_t { lamp, inner, eye };
 
   // `atoms`: all sets of the job's expressions. `uses` has the ObjectUse of each object, or is empty: any

@@ -47,7 +47,7 @@ class Automaton {
   State forward(State q, Class c) const { return forward_[q * counts_.classes + c]; }
   // The vertex before those that led to the state, away from the eye.
   State reverse(State r, Class c) const { return reverse_[r * counts_.classes + c]; }
-  // Of the path made of the vertices that led to `q` and those that led to `r`. 0: it matches no expression.
+  // Label of the path that joins the vertices of `q` and of `r`. 0: the path matches no expression.
   Label label(State q, State r) const { return table_[r * counts_.minimal + q]; }
   // Indexes into request.layers, increasing.
   std::span<const std::uint8_t> layers(Label label) const { return layers_[label]; }

@@ -7,7 +7,7 @@ namespace candela::letters {
 
 // L E D G S V
 enum class Letter : std::uint8_t { lamp, eye, diffuse, glossy, specular, volume };
-// Of light at a surface, by the geometric sides of both directions. none: L, E, V.
+// Side of scattering at a surface, by the geometric sides of both directions. none: L, E, V.
 enum class Side : std::uint8_t { none, reflected, transmitted };
 
 }  // namespace candela::letters

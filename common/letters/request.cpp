@@ -236,7 +236,7 @@ Result<LayerRequest> parse_layer_request(std::string_view text) {
   LayerRequest request;
   CANDELA_TRY(add_items(text, request));
   CANDELA_TRY(check(request));
-  // What is read is written, and read again.
+  // The text is written again later, and the bound holds for the written form.
   CANDELA_TRY(check_size(text_of(request).size()));
   return request;
 }

@@ -1,4 +1,4 @@
-// What people mean by a word (client.proto, FindJobs).
+// Finds the jobs that a word means (client.proto, FindJobs).
 #pragma once
 
 #include "candela/v1/client.pb.h"

@@ -46,7 +46,7 @@ struct Entry {
   bool operator<(const Entry& other) const { return place < other.place; }
 };
 
-// What is before the @ of USER@HOST.
+// Returns USER of USER@HOST.
 std::string_view user_of(std::string_view submitter) {
   return submitter.substr(0, submitter.find('@'));
 }

@@ -144,7 +144,7 @@ class LivePage {
   ImageMemory picture_memory_;  // of pictures that are kept or shown
   ThumbnailMemory thumbnails_;
   const std::shared_ptr<int> downloads_ = std::make_shared<int>(0);  // one more owner for each under way
-  // Of the thread of the page alone:
+  // Members for the thread of the page alone:
   std::list<Kept> kept_;                                     // the last made first
   std::deque<std::string> wanted_;                           // jobs whose thumbnails are to be made
   double thumbnail_credit_ = 0, thumbnail_credited_ = -1e9;  // seconds

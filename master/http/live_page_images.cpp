@@ -17,7 +17,7 @@ namespace candela::master {
 namespace {
 
 constexpr std::size_t kMaxWanted = 256;  // thumbnails that are asked for and not made; older ones are dropped
-// Of one core, and of its seconds those that may have been saved up.
+// Share of one core for thumbnails, and the most seconds of it that are saved up.
 constexpr double kThumbnailShare = 0.008, kThumbnailSeconds = 3;
 constexpr int kMaxDownloads = 4;  // at a time, those that are being sent included
 constexpr double kMaxExposure = 64;

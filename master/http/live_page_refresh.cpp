@@ -18,7 +18,7 @@
 namespace candela::master {
 namespace {
 
-// Of one core, in all four at most 1.6 %, whatever is open: what costs more comes less often. (Thumbnails:
+// Shares of one core, 1.6 % in all: a costly refresh comes less often. (Thumbnails:
 // live_page_images.cpp.)
 constexpr double kRowsShare = 0.004, kStatusShare = 0.002, kDetailsShare = 0.002, kPictureShare = 0.008;
 constexpr double kLookShare = 0.001;  // of looks at the farm that only its viewers need

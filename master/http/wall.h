@@ -28,13 +28,14 @@ struct WallPlace {
   std::string id;
   auto operator<=>(const WallPlace&) const = default;
 };
-// Of all jobs: failed, the newest first; running by priority, then age; queued in the order in which they get
-// their first leases, those that get none now last; paused, done and cancelled, the newest first. order.js
-// has the same order. Precondition: the lock of the scheduler is held; it need not be held to sort them.
+// Orders all jobs: failed, the newest first; running by priority, then age; queued in the order in which they
+// get their first leases, those that get none now last; paused, done and cancelled, the newest first.
+// order.js has the same order. Precondition: the lock of the scheduler is held; it need not be held to sort
+// them.
 std::vector<WallPlace> wall_places(const Scheduler& scheduler);
 std::vector<std::string> wall_order(std::vector<WallPlace> places);
 
-// What the farm does at one moment.
+// Load of the farm at one moment.
 struct FarmLoad {
   std::uint64_t workers = 0, busy = 0;  // connected; of them with units
   // Until the present workers have rendered what is queued and running. A job that has not been measured
@@ -56,7 +57,7 @@ class FarmHistory {
   static constexpr std::size_t kMaxPoints = 24 * 60;
   static constexpr double kStepSeconds = 60;
 
-  // What is merged since the call before, and the load now. The first call counts from itself.
+  // Returns the work merged since the last call, and the load now. The first call starts the count.
   FarmPoint look(const Scheduler& scheduler, Now now);
   // True: a point is due; it is kept then.
   bool keep_if_due(const FarmPoint& point, Now now);

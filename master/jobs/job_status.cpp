@@ -55,7 +55,7 @@ JobName name_of(const Scheduler& scheduler, const Job& job) {
 
 namespace {
 
-// Of the work that the job asks for. The error, which also ends jobs, is known to few of them.
+// Fraction of the work that the job asks for. Few jobs know the error, which also ends jobs.
 double fraction_done(const JobRow& row) {
   if (row.state == JobState::done) return 1;
   double fraction = 0;

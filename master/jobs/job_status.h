@@ -60,7 +60,7 @@ struct JobName {
   bool group = false;
 };
 
-// How a group stands (candela.v1.GroupStatus).
+// Status of a group (candela.v1.GroupStatus).
 struct GroupStatus {
   JobName name;
   std::string message;

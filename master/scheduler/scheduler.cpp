@@ -345,7 +345,7 @@ const Job* Scheduler::job_of_lease(const std::string& worker_id, std::uint64_t t
 
 namespace {
 
-// Whether the sums that the job has fit to this plan.
+// True if the job's sums fit this plan.
 bool same_work(const JobRow& row, const WorkPlan& work) {
   const WorkPlan had{row.layers, row.accumulators, row.chains, row.epochs, row.development};
   return pilot_sha256({{}, "", 0, had}) == pilot_sha256({{}, "", 0, work});

@@ -424,8 +424,8 @@ class Scheduler {
   // scheduler_groups.cpp
   void join_group(Job& job);
   void leave_group(Job& job);
-  // Whether a job, or all jobs of a group, have ended: nothing while they have not; else why a job that
-  // depends on it fails, empty if it does not.
+  // Outcome of a job or of all jobs of a group: nothing before the end; then the reason why a job that
+  // depends on it fails, empty if that job may start.
   std::optional<std::string> outcome(const std::string& id) const;
   void wait_for(const Job& job);  // for what it depends on
   void tell_dependents(const Job& ended);

@@ -165,7 +165,7 @@ struct Job {
     return !finishing && (row.state == JobState::queued || row.state == JobState::running) && has_memory() &&
            row.audit.anew.empty() && row.depends.empty();
   }
-  // What counts of virtual_time: of a frame the group's.
+  // The virtual time that counts: for a frame the group's.
   double& served() { return group != nullptr ? group->virtual_time : virtual_time; }
   double served() const { return group != nullptr ? group->virtual_time : virtual_time; }
   // The indices that it asks for, where they are not all below target().

@@ -117,7 +117,7 @@ struct JobRow {
   }
 };
 
-// What its units start from, once the pilot is done.
+// State that a job's units start from, once the pilot is done.
 inline NamedState state_of_units(const JobRow& row) {
   NamedState state = row.named_state.value_or(NamedState{row.pilot_scale_log2});
   state.decided = row.decided;

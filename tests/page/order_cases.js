@@ -7,7 +7,7 @@
   const none = order.parseView('');
   const ids = (jobs, view = none) => order.arrange(jobs, view).shown.map((j) => j.id);
 
-  // What matters comes first; queued jobs come as they get their first leases.
+  // Failed and running jobs come first; queued jobs come in the order of their first leases.
   equal('the order of the list', ids([
     job('cancelled', 'cancelled', {finished_unix_ms: 99}), job('done-old', 'done', {finished_unix_ms: 1}), job('done-new', 'done', {finished_unix_ms: 2}),
     job('paused', 'paused'), job('later', 'queued', {turn: 5, submitted_unix_ms: 1}), job('young', 'queued', {submitted_unix_ms: 9}), job('old', 'queued', {submitted_unix_ms: 2}),

@@ -41,7 +41,7 @@ const std::string kScene =
     "<shape type=\"sphere\"><point name=\"center\" x=\"-0.7\" y=\"-0.5\" z=\"0.7\"/><float name=\"radius\" "
     "value=\"0.05\"/><emitter type=\"area\"/></shape></scene>";
 
-// Of all workers.
+// Counts over all workers.
 struct Counts {
   std::mutex mutex;
   std::condition_variable changed;

@@ -1,4 +1,4 @@
-// What the pilot of a job decides: its units keep to it, and none of them makes a trial.
+// Decisions of a job's pilot: units keep to the decision, and no unit makes a trial.
 #include <gtest/gtest.h>
 
 #include <bit>

@@ -95,7 +95,7 @@ std::vector<std::uint8_t> matched_by(const Problem& problem, const std::vector<D
   return layers;
 }
 
-// How an estimator joins the two walks; the wrong ones are planted.
+// Ways in which an estimator joins the two walks; the wrong ways are planted.
 enum class Join { right, reverse_reads_from_vertex, state_after_vertex };
 
 struct Agreement {

@@ -1,4 +1,4 @@
-// What a pilot decided: kept with the job, part of the state of its units, made anew where an older master
+// Decisions of pilots: kept with the job, part of the state of its units, made anew if an older master
 // kept nothing of it.
 #include <gtest/gtest.h>
 

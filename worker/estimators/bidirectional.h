@@ -90,7 +90,7 @@ class Bidirectional {
   // No light path: there are no light vertices to connect to.
   void no_light() { light_.clear(); }
   std::uint32_t light_size() const { return light_.size(); }
-  // Of the eye path that was traced last, which the sink has the sum of; null: nobody asks.
+  // Labelled sums of the last eye path, whose sum the sink has; null: the job has no expressions.
   transport::LayerSums* layer_sums() { return reads_letters() ? &eye_letters_->sums() : nullptr; }
   // The eye path along a ray.
   void trace_eye(const Ray& ray, Sampler& sampler) {

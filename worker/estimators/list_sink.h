@@ -30,8 +30,8 @@ class ListSink {
     const Spectrum value = light.weighted() * (per_light_ * factor_);
     if (out_->add(at, value) && labels != nullptr) out_->label(*labels);
   }
-  // What came along the eye's ray, through this place on the film. weight: of the sensor. sums: its parts by
-  // labels; null where nobody asks.
+  // Adds the light along the eye's ray, at this film position. weight: of the sensor. sums: the light's parts
+  // by labels; null if the job has no expressions.
   void finish_eye(transport::FilmPosition at, float weight, const transport::LayerSums* sums) {
     const float scale = per_eye_ * factor_ * weight;
     if (out_->add(at, sum_ * scale) && sums != nullptr) out_->label(sums->sums(), Spectrum(scale));

@@ -33,8 +33,8 @@ RadianceFunction<SamplerT> path_radiance_between(transport::Between between) {
   return &path_radiance<Between::media, SamplerT, kLetters>;
 }
 
-// The same with letters, for layers by expressions. In a file of its own: it would take from what the
-// compiler makes inline in the others.
+// Forms with letters, for layers by expressions. They have a file of their own: here they would change what
+// the compiler inlines in the other forms.
 template <class SamplerT>
 RadianceFunction<SamplerT> path_radiance_with_letters(transport::Between between);
 

@@ -38,7 +38,7 @@ struct UnitContext {
   // Camera pixels per pixel of this film, by axis: above 1 in a pilot, whose film is smaller than the
   // camera's.
   Vec2 camera_units{1, 1};
-  // Of a job with layers by light path expressions; null: none are asked for.
+  // Letters for layers by light path expressions; null: the job has none.
   const transport::PathLetters* letters = nullptr;
 };
 
@@ -47,7 +47,7 @@ struct FilmSize {
   std::uint32_t width = 0, height = 0;
 };
 
-// What a pilot decides for a whole job.
+// Decision of a pilot for a whole job.
 struct Decision {
   // NamedState::decided of every unit, at most Limits::max_decided_bytes (decision_bytes.h). Empty: scene and
   // settings leave nothing open.

@@ -60,8 +60,8 @@ struct ChainOutlets {
   const std::atomic<bool>* stop = nullptr;
   ChainProgress* progress = nullptr;
   void (*fault)(std::uint64_t key, float* rgb) = nullptr;  // of integrators::RunContext
-  // Of layers by expressions, which follow the chain's part of each first, then what is independent of each;
-  // null: nobody asks.
+  // Letters for layers by expressions: first the chains' part for every expression, then the independent
+  // parts; null: the job has none.
   const transport::PathLetters* letters = nullptr;
 };
 

@@ -46,7 +46,7 @@ class SplatList {
     ends_.back() = static_cast<std::uint32_t>(parts_.size());
   }
   std::span<const Splat> splats() const { return splats_; }
-  // Of splat i; none where nobody asks for layers.
+  // Parts of splat i; none if the job has no expressions.
   std::span<const transport::LabelledSum> parts(std::size_t i) const {
     if (i >= ends_.size()) return {};
     const std::uint32_t begin = i == 0 ? 0 : ends_[i - 1];

@@ -77,7 +77,7 @@ class SceneBuilder {
   Result<void> finish_geometry();
   Result<void> emitter(const description::Object& object);
   void finish_features();
-  // Of media, after all else.
+  // Names the media; call it last.
   void finish_objects();
 
  private:

@@ -88,7 +88,7 @@ class PhotonBuffer {
   std::span<const Photon<Block>> photons() const { return photons_; }
   // ScatterPoint::survival of each photon; empty: not kept.
   std::span<const float> survivals() const { return survivals_; }
-  // Of each photon; empty: not kept.
+  // States of each photon's letters; empty: not kept.
   std::span<const ChannelStates> states() const { return states_; }
   // The number of photons after each path; empty: paths are not known.
   std::span<const std::uint32_t> ends() const { return ends_; }

@@ -40,7 +40,7 @@ class Splatter {
     }
   }
 
-  // The same of an eye path's or a chain's value, whose prefixes are `parts`.
+  // Splats the parts of an eye path's or a chain's value, whose prefixes are `parts`.
   void splat_parts(LayerUnits& units, std::uint32_t offset, std::span<LabelledSum> parts, FilmPosition at,
                    std::uint64_t key) const {
     for (LabelledSum& part : parts) part.sum *= to_pixels_.x * to_pixels_.y;

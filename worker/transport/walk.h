@@ -95,7 +95,7 @@ class Walk {
   // Names the path among all of its sampler.
   std::uint64_t sample_key() const { return sampler_.sample_key(); }
 
-  // Where the last scatter() goes on to, from its vertex.
+  // Direction in which the last scatter() left its vertex.
   Vec3 direction() const { return ray_.direction; }
 
   // Where the last advance() met the lens on its way, light walks alone.

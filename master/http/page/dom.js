@@ -18,7 +18,7 @@ export function put(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-// The same of a sentence, in which no number breaks at its minus sign.
+// Puts a sentence into the element; no number breaks at its minus sign.
 export function prose(element, text) {
   if (element.textContent === text) return;
   element.replaceChildren(...text.split(/(\S*\de-\d+)/).map((part, i) => (i % 2 ? h('span', {class: 'whole'}, part) : part)));

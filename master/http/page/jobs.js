@@ -11,13 +11,13 @@ const main = document.getElementById('main');
 const kMaxJobs = 20000;  // that the page holds; the list of the command has all
 const kTyping = 250;     // ms, after which a text is part of the address
 
-// What the page has seen stays while other pages are open, so that Back shows it at once.
+// The jobs stay in memory while other pages are open, so that Back shows the list at once.
 const jobs = new Map(), gone = new Set();
 let total = 0, complete = false;
 
 const percent = (p) => (p === null ? '' : Math.floor(100 * p) + '\u00a0%');
 const leftOf = (j) => (j.state === 'running' ? clock(j.eta_seconds) : '–');
-// Where a queued job stands among those that get leases.
+// Place of a queued job in the line for leases.
 const lineOf = (place) => (place === undefined ? '' : place === 1 ? 'next' : '#' + place + ' in line');
 const shortId = (id) => id.slice(0, 7);
 const title = (element, text) => { if (element.title !== text) element.title = text; };

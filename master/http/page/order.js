@@ -98,7 +98,7 @@ export function matcher(text) {
   return (j) => words.every((w) => w(j));
 }
 
-// What the view shows of the jobs, in order. `older`: failed jobs that the whole list leaves out; they come with the filter.
+// Returns the jobs that the view shows, in order. `older`: failed jobs that only the filter shows.
 export function arrange(jobs, view) {
   const fits = matcher(view.text), shown = [], counts = Object.fromEntries(kStates.map((s) => [s, 0]));
   for (const j of jobs) {

@@ -1,4 +1,4 @@
-// Of a long list the elements in sight, and some around: thousands of jobs cost what a screen of them costs. All elements have
+// Keeps only the elements in sight, and some around, in the document: thousands of jobs cost as much as a screen. All elements have
 // one size, which the style sheet decides.
 
 const kAround = 8;  // lines above and below what is in sight

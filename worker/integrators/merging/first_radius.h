@@ -14,7 +14,7 @@ double first_radius(const UnitContext& context, double fraction, double pixels);
 // The median width of a pixel, as above; 0 where nothing is met.
 double pixel_footprint(const UnitContext& context);
 
-// What kernels can take: DiscKernel, BallKernel.
+// Bounds of radii for DiscKernel and BallKernel.
 inline constexpr double kLeastRadius = 1e-12, kGreatestRadius = 1e12;
 double clamped_radius(double radius);
 

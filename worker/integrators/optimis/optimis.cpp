@@ -40,7 +40,7 @@ constexpr std::uint64_t kTrialSeed = 0x747269616cULL;  // "trial"
 constexpr std::string_view kKind = "opt1";                          // of the decision,
 constexpr std::uint64_t kBalance = 0, kOptimal = 1, kReadings = 2;  // and its number
 
-// How a job's samples become its image.
+// The way from a job's samples to the image.
 struct Reading {
   estimators::FirstVertexSetup setup;
   ReadOut read_out;

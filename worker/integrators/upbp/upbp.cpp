@@ -81,7 +81,7 @@ class UpbpIntegrator final : public IterationIntegrator {
     upbp::HitCounts hits;
     upbp::Memory memory;
   };
-  // What the units of a job keep to.
+  // The decision that a job's units keep to.
   struct Decided {
     std::size_t variant = 0;  // the one chosen, or a refined one
     double radius = 1;        // the first, of surfaces; 1 if the variant does not merge

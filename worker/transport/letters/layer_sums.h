@@ -70,7 +70,8 @@ class LayerSums {
   void clear() { sums_.clear(); }
   // sum: of the path, with the contribution.
   void add(const Spectrum& sum, const ChannelLabels& labels) { sums_.push_back({sum, labels}); }
-  // The same of a contribution in parts, each times `factor`, which make `sum` of `before` but for rounding.
+  // Adds a contribution in parts, each times `factor`; the parts lead from `before` to `sum` but for
+  // rounding.
   void add(const Spectrum& before, const Spectrum& sum, const LabelledParts& parts, const Spectrum& factor);
   void scale(float factor) {
     for (LabelledSum& part : sums_) part.sum *= factor;
@@ -90,8 +91,8 @@ class LayerSums {
   LayerUnits units_;
 };
 
-// Whether these letters are read in kernels of this form: those of media alone know of them, so that the
-// others have not one instruction more. Null: nobody asks.
+// True if kernels of this form read the letters: only kernels for media know of letters, so that the
+// other kernels stay as they are. Null: the job has no expressions.
 template <Between kBetween>
 constexpr bool reads_letters([[maybe_unused]] const void* letters) {
   if constexpr (kBetween == Between::media) return letters != nullptr;
@@ -152,7 +153,7 @@ class LightLetters {
   // Before the vertex at hand.
   const ChannelStates& states() const { return states_; }
   void scattered(const ScatterPoint& v, Vec3 wi);
-  // Of a path that ends at the lens: which v is connected to along wi, or which it met.
+  // Labels of a path that ends at the lens: v is connected to the lens along wi, or the walk met the lens.
   ChannelLabels connected(const ScatterPoint& v, Vec3 wi);
   ChannelLabels met_lens() const { return letters_.labels(states_, letters_.at_eye()); }
 

@@ -92,7 +92,8 @@ ChannelClasses PathLetters::by_lobes(const SurfaceHit& hit, const scene::Closure
   const std::uint32_t object = scene_.objects().of_shape[hit.shape], regions = regions_at(hit.p);
   const auto diffuse = automaton_.class_of(Letter::diffuse, side, object, regions);
   const auto glossy = automaton_.class_of(Letter::glossy, side, object, regions);
-  if (diffuse == glossy) return of_all(diffuse);
+  // An even closure has no lobe but diffuse and delta ones.
+  if (diffuse == glossy || closure.even()) return of_all(diffuse);
   const Vec3 local_wo = hit.shading.to_local(wo), local_wi = hit.shading.to_local(wi);
   const Spectrum value = closure.eval(local_wo, local_wi, mode);
   const Spectrum part = closure.eval_diffuse(local_wo, local_wi, mode, glossy_below_);

@@ -58,11 +58,11 @@ class PathLetters {
   ChannelClasses by_lobes(const SurfaceHit& hit, const scene::Closure& closure, Vec3 wo, Vec3 wi,
                           TransportMode mode, std::uint64_t key) const;
   ChannelClasses by_delta(const SurfaceHit& hit, Vec3 wo, Vec3 wi) const;
-  // Of a place in a medium.
+  // Token of a vertex in a medium.
   ChannelClasses in_medium(std::uint32_t medium, Vec3 p) const;
-  // Of a vertex, by what is not delta.
+  // Token of a vertex that scatters by lobes that are not delta.
   ChannelClasses of(const ScatterPoint& v, Vec3 wi, TransportMode mode, std::uint64_t key) const;
-  // Of a vertex that a walk left along wi.
+  // Token of a vertex that a walk left along wi.
   ChannelClasses left(const ScatterPoint& v, Vec3 wi, TransportMode mode, std::uint64_t key) const {
     return v.left_by_delta ? by_delta(v.hit, v.wo, wi) : of(v, wi, mode, key);
   }
@@ -78,7 +78,7 @@ class PathLetters {
     for (std::size_t c = 0; c < kColors; ++c) next.of[c] = automaton_.reverse(states.of[c], token.of[c]);
     return next;
   }
-  // Of the path whose two parts have all of its tokens.
+  // Labels of the path that joins the two parts.
   ChannelLabels labels(const ChannelStates& light, const ChannelStates& eye) const {
     ChannelLabels result;
     for (std::size_t c = 0; c < kColors; ++c) result.of[c] = automaton_.label(light.of[c], eye.of[c]);

@@ -21,8 +21,8 @@ struct Contribution {
   Spectrum weighted() const { return value * static_cast<float>(weight); }
 };
 
-// Where a technique that samples an end of the path found it, for letters: the direction from the vertex, and
-// of next event estimation the light.
+// The sampled end of a path, for letters: the direction from the vertex, and
+// for next event estimation the light.
 struct Towards {
   Vec3 wi;
   std::uint32_t emitter = scene::kNone;

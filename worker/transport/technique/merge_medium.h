@@ -110,7 +110,7 @@ class MediumGather {
   MergeFactors eta_;                     // of the path
   const Vertex<MisBlock>* v_ = nullptr;  // started
   RangeSearch::Query query_;
-  // Of P-P3D, which ends late, and of the rest.
+  // Labels of P-P3D, which ends late, and of the other merges.
   MergeLetters at_points_, at_edge_;
 };
 
