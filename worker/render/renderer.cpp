@@ -8,6 +8,7 @@
 
 #include "common/base/work_monitor.h"
 #include "common/chains/chains.h"
+#include "common/description/object_list.h"
 #include "common/description/reading.h"
 #include "common/description/reading_budget.h"
 #include "common/description/unpacked_files.h"
@@ -67,14 +68,33 @@ WorkPlan with_aovs(WorkPlan work, const integrators::AovPass& aovs, const scene:
   return work;
 }
 
-// The layers by light path expressions that the job asks for, with those of its lamps, if it asks for them.
-Result<letters::LayerRequest> layer_request(const std::string& text, const scene::Scene& scene) {
+// The layers by light path expressions that the job asks for, with those of the scene's lamps, if it asks for
+// them. Lamps that are black have one, too: the client knows all lamps of the description.
+Result<letters::LayerRequest> layer_request(const std::string& text,
+                                            const description::LetterObjects& objects) {
   CANDELA_ASSIGN(letters::LayerRequest request, letters::parse_layer_request(text));
-  if (!request.light_groups) return request;
-  std::vector<std::string> lamps;
-  const scene::SceneObjects& objects = scene.objects();
-  for (const std::uint32_t object : objects.of_emitter) lamps.push_back(objects.names[object].front());
-  return letters::expand_light_groups(std::move(request), lamps);
+  return letters::expand_light_groups(std::move(request), objects.lamp_names);
+}
+
+// The automaton for the objects that the scene has built. An expression may name what was left out.
+Result<letters::Automaton> automaton_of(const letters::LayerRequest& layers, const scene::SceneObjects& built,
+                                        const description::LetterObjects& described) {
+  std::vector<letters::ObjectNames> names = built.names;
+  std::vector<std::uint8_t> uses = built.uses;
+  names.insert(names.end(), described.names.begin(), described.names.end());
+  uses.insert(uses.end(), described.uses.begin(), described.uses.end());
+  return letters::Automaton::compile(layers, names, uses);
+}
+
+// Fails (usage) if a layer of a job of chains has the name of another one's second part.
+Result<void> check_parts(const letters::LayerRequest& request, const WorkPlan& work) {
+  for (const letters::NamedExpression& layer : request.layers)
+    if (work.chains && layer.name.ends_with(chains::kIndependentPart))
+      return usage_error(fmt::format("the layer '{}' of a job of chains ends as second parts of layers do",
+                                     layer.name))
+          .with_field("layers")
+          .with_mend("give it another name");
+  return {};
 }
 
 // Adds to the integrator's work the layers of expressions: of chains one for the part of each that the chains
@@ -294,7 +314,9 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   CANDELA_ASSIGN(std::vector<Aov> aov_list, parse_aovs(settings.aovs));
   work_phase(WorkPhase::building);
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, unpacked, options));
-  CANDELA_ASSIGN(letters::LayerRequest layers, layer_request(settings.layers, *scene));
+  description::LetterObjects described;
+  if (!settings.layers.empty()) described = description::letter_objects(*description.scene);
+  CANDELA_ASSIGN(letters::LayerRequest layers, layer_request(settings.layers, described));
   scene::SceneFeatures features = scene->features();
   features.reads_letters = !layers.empty();
   CANDELA_ASSIGN(std::unique_ptr<integrators::Integrator> integrator,
@@ -302,8 +324,8 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   WorkPlan work = integrator->work({settings.width, settings.height}, {});
   std::unique_ptr<transport::PathLetters> path_letters;
   if (!layers.empty()) {
-    CANDELA_ASSIGN(letters::Automaton automaton,
-                   letters::Automaton::compile(layers, scene->objects().names, scene->objects().uses));
+    CANDELA_TRY(check_parts(layers, work));
+    CANDELA_ASSIGN(letters::Automaton automaton, automaton_of(layers, scene->objects(), described));
     path_letters = std::make_unique<transport::PathLetters>(
         std::move(automaton), layers, *scene, 1 + static_cast<std::uint32_t>(work.layers.size()));
   }
