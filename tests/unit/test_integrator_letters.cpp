@@ -6,7 +6,8 @@
 namespace candela::integrators {
 namespace {
 
-const test::TextFiles kFiles({{"scene.xml", R"(<scene version="3.0.0"><integrator type="path"/>
+const test::TextFiles kFiles(std::map<std::string, std::string>{
+    {"scene.xml", R"(<scene version="3.0.0"><integrator type="path"/>
   <sensor type="perspective"/><shape type="sphere" id="ball"/>
   <emitter type="constant" id="sky"/>
   <emitter type="point" id="dark"><rgb name="intensity" value="0, 0, 0"/></emitter></scene>)"}});

@@ -510,27 +510,6 @@ void SceneBuilder::add_place_light(Emitter light, float peak) {
   features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, peak / static_cast<float>(r * r));
 }
 
-std::uint32_t SceneBuilder::object_named(letters::ObjectUse use, std::vector<std::string> names) {
-  const auto [at, fresh] = object_of_names_.emplace(std::pair(use, std::move(names)),
-                                                    static_cast<std::uint32_t>(objects_.names.size()));
-  if (fresh) {
-    objects_.names.push_back(at->first.second);
-    objects_.uses.push_back(static_cast<std::uint8_t>(use));
-  }
-  return at->second;
-}
-
-void SceneBuilder::name_lamp(const description::Object& emitter) {
-  if (names_) objects_.of_emitter.push_back(object_named(letters::kLampObject, {names_->of_lamp(emitter)}));
-}
-
-void SceneBuilder::finish_objects() {
-  if (!names_) return;
-  objects_.of_medium.resize(media_.size());
-  for (const auto& [object, index] : media_.known())
-    objects_.of_medium[index] = object_named(letters::kMediumObject, {names_->of_medium(*object)});
-}
-
 Result<void> SceneBuilder::emitter(const description::Object& object) {
   if (object.plugin != "area" && texture_use_of_part(object).place)
     return error_at(
