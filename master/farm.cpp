@@ -181,7 +181,7 @@ class LoadedFilms final : public FilmInputs {
 }  // namespace
 
 Result<AcquireResult> Farm::acquire(const std::string& worker_id, const std::string& session,
-                                    const std::vector<std::string>& warm, bool prefetch,
+                                    const std::vector<std::string>& warm, LeaseWish wish,
                                     const std::function<void(const Job&, const Lease&)>& describe) {
   // A second time, if the films that the first decision lacked are in memory then.
   for (int attempt = 0;; ++attempt) {
@@ -193,7 +193,7 @@ Result<AcquireResult> Farm::acquire(const std::string& worker_id, const std::str
       const Now t = now();
       if (s.authenticate(worker_id, session, t) == nullptr) return Decision{false, {}};
       const LoadedFilms films(in_memory);
-      Decision d{true, s.acquire(worker_id, warm, prefetch, t, &films)};
+      Decision d{true, s.acquire(worker_id, warm, wish, t, &films)};
       if (d.result.lease) describe(*s.job(d.result.lease->row.job_id), *d.result.lease);
       return d;
     });

@@ -143,7 +143,7 @@ class Farm final : public TruthFarm {
   // A lease for this worker with the inputs of its unit, if there is one. `describe` sees the lease and its
   // job under the scheduler's lock. ErrorKind::refused: the session is not known.
   Result<AcquireResult> acquire(const std::string& worker_id, const std::string& session,
-                                const std::vector<std::string>& warm, bool prefetch,
+                                const std::vector<std::string>& warm, LeaseWish wish,
                                 const std::function<void(const Job&, const Lease&)>& describe);
 
   // Bytes that all jobs may take of this process's memory, and of those their statistics.

@@ -130,22 +130,23 @@ grpc::Status WorkerServiceImpl::AcquireLease(grpc::ServerContext*, const v1::Acq
     std::vector<std::string> warm;
     for (const std::string& bundle : request->warm_bundles())
       if (warm.size() < 64 && is_sha256_hex(bundle)) warm.push_back(bundle);
-    auto result = farm_.acquire(request->worker_id(), request->session(), warm, request->prefetch(),
-                                [&](const Job& job, const Lease& granted) {
-                                  const LeaseRow& row = granted.row;
-                                  v1::Lease& lease = *response->mutable_lease();
-                                  lease.set_token(row.token);
-                                  lease.set_unit_id(row.unit_id);
-                                  lease.set_job_id(row.job_id);
-                                  lease.set_bundle_sha256(job.row.bundle_sha256);
-                                  wire::to_proto(job.row.settings, *lease.mutable_settings());
-                                  const Unit& unit = job.units.at(row.unit_id).row.unit;
-                                  // Of an audit, the pilot's lease is what it was before the pilot.
-                                  if (job.planned() && unit.kind != Unit::Kind::pilot)
-                                    wire::to_proto(state_of_units(job.row), *lease.mutable_named_state());
-                                  wire::to_proto(unit, *lease.mutable_unit());
-                                  lease.set_expected_seconds(row.expected_seconds);
-                                });
+    auto result =
+        farm_.acquire(request->worker_id(), request->session(), warm, {request->prefetch(), request->full()},
+                      [&](const Job& job, const Lease& granted) {
+                        const LeaseRow& row = granted.row;
+                        v1::Lease& lease = *response->mutable_lease();
+                        lease.set_token(row.token);
+                        lease.set_unit_id(row.unit_id);
+                        lease.set_job_id(row.job_id);
+                        lease.set_bundle_sha256(job.row.bundle_sha256);
+                        wire::to_proto(job.row.settings, *lease.mutable_settings());
+                        const Unit& unit = job.units.at(row.unit_id).row.unit;
+                        // Of an audit, the pilot's lease is what it was before the pilot.
+                        if (job.planned() && unit.kind != Unit::Kind::pilot)
+                          wire::to_proto(state_of_units(job.row), *lease.mutable_named_state());
+                        wire::to_proto(unit, *lease.mutable_unit());
+                        lease.set_expected_seconds(row.expected_seconds);
+                      });
     if (!result.ok()) return unauthenticated();
     response->set_retry_ms(result->retry_ms);
     response->set_drain(result->drain);

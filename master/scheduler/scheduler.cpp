@@ -8,6 +8,12 @@
 #include <tuple>
 
 namespace candela::master {
+namespace {
+
+constexpr std::uint32_t kFullRetryMs = 1000;
+
+}  // namespace
+
 Scheduler::Scheduler(const SchedulerOptions& options, std::uint64_t epoch, std::uint64_t next_unit_id)
     : options_(options), next_token_((epoch << 32) + 1), next_unit_id_(next_unit_id) {}
 
@@ -153,7 +159,8 @@ bool Scheduler::lease_unit(Job& job, WorkerState& worker, bool prefetch, const F
 }
 
 AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector<std::string>& warm,
-                                 bool prefetch, Now now, const FilmInputs* films) {
+                                 LeaseWish wish, Now now, const FilmInputs* films) {
+  const bool prefetch = wish.prefetch;
   expire(now);
   admit_if_due(now);
   AcquireResult out;
@@ -182,7 +189,12 @@ AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector
     out.retry_ms = 2000;
     return out;
   }
-  const std::vector<Job*> order = candidates(worker, warm, now);
+  std::vector<Job*> order = candidates(worker, warm, now);
+  if (wish.full) {
+    const std::int64_t highest = highest_priority(worker);
+    std::erase_if(order, [&](const Job* job) { return job->row.priority <= highest; });
+    out.retry_ms = std::max(out.retry_ms, kFullRetryMs);
+  }
   for (Job* job : order)
     if (!job->held.empty() && lease_held(*job, worker, films, out, now)) return out;
   for (Job* job : order) {

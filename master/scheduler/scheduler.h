@@ -62,6 +62,12 @@ struct SchedulerOptions {
 // From so many workers on the scheduler does not look at all of them at each occasion.
 inline constexpr std::size_t kManyWorkers = 64;
 
+// What a worker asks for.
+struct LeaseWish {
+  bool prefetch = false;  // it is still rendering another unit
+  bool full = false;      // its deltas wait: only a unit of higher priority than all that it holds
+};
+
 struct AcquireResult {
   std::optional<Lease> lease;
   UnitInput input;                   // of the lease's unit
@@ -198,7 +204,7 @@ class Scheduler {
   // A lease comes with the inputs of its unit, in one decision. A unit whose inputs are missing is not
   // offered: it waits, the job says so, and other units and jobs go on. `films`: where the inputs are; null
   // where no job needs any.
-  AcquireResult acquire(const std::string& worker_id, const std::vector<std::string>& warm, bool prefetch,
+  AcquireResult acquire(const std::string& worker_id, const std::vector<std::string>& warm, LeaseWish wish,
                         Now now, const FilmInputs* films = nullptr);
   HeartbeatResult heartbeat(const std::string& worker_id, const std::vector<UnitReport>& units, Now now);
   // computing: it takes the worker a moment to stop.
@@ -396,6 +402,8 @@ class Scheduler {
   void ask_cuts(Now now);
   // Of jobs below this priority. False: all are cut already.
   bool cut_leases(const WorkerState& worker, std::int64_t below_priority);
+  // Of the jobs of the worker's leases; the lowest number where it has none.
+  std::int64_t highest_priority(const WorkerState& worker);
   void tell_losses(Now now);
   double useful_threads(const Job& job, double threads_per_worker) const;
   void drop_all_leases(Job& job, Now now);

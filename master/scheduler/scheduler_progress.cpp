@@ -107,6 +107,14 @@ bool Scheduler::cut_leases(const WorkerState& worker, std::int64_t below_priorit
   return any;
 }
 
+std::int64_t Scheduler::highest_priority(const WorkerState& worker) {
+  std::int64_t highest = std::numeric_limits<std::int64_t>::min();
+  for (const std::uint64_t token : worker.leases)
+    if (const Job* job = find(leases_.at(token).row.job_id))
+      highest = std::max<std::int64_t>(highest, job->row.priority);
+  return highest;
+}
+
 void Scheduler::ask_cuts(Now now) {
   std::int32_t lowest = std::numeric_limits<std::int32_t>::max();
   for (const auto& [token, lease] : leases_)

@@ -94,12 +94,12 @@ Spent accept(const JobSettings& settings, const WorkPlan& work, const std::files
   worker.isas = {settings.isa};
   EXPECT_TRUE(scheduler.register_worker(worker, now).ok());
   scheduler.authenticate("w", "w", now);
-  const auto pilot = scheduler.acquire("w", {}, false, now).lease;
+  const auto pilot = scheduler.acquire("w", {}, {}, now).lease;
   EXPECT_TRUE(pilot);
   EXPECT_TRUE(scheduler.complete_pilot("w", pilot->row.token, {NamedState{20}, "", 0.01, work}, now));
   for (std::uint64_t e = 0; e < 3 && work.epochs; ++e)
     scheduler.decided({"j", e, work.epochs->rule, std::string(64, 'a'), 1}, now);
-  for (int i = 0; i < 3; ++i) scheduler.acquire("w", {}, false, now);
+  for (int i = 0; i < 3; ++i) scheduler.acquire("w", {}, {}, now);
   scheduler.epoch_jobs();
   const JobRow& planned = scheduler.job("j")->row;
   master::JobFilm film(folder, master::layout_of(planned), 20, &write_file_atomically,

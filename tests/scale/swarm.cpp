@@ -45,9 +45,11 @@ void set_deadline(grpc::ClientContext& context, double seconds) {
 
 struct Task {
   v1::Lease lease;
-  Clock::time_point first;  // when its rendering began
-  Clock::time_point begun;  // since when it is to be charged
-  bool refused = false;     // the queue was full for its delta
+  Clock::time_point first;                                            // when its rendering began
+  Clock::time_point begun;                                            // since when it is to be charged
+  bool refused = false;                                               // the queue was full for its delta
+  bool urgent = false;                                                // leased while the other deltas waited
+  std::shared_ptr<Delivery> delivery = std::make_shared<Delivery>();  // packed once
 };
 
 }  // namespace
@@ -248,14 +250,17 @@ class SwarmWorker {
   }
 
   void acquire() {
-    if (asking_ || id_.empty() || !pending_.empty() || outbox_.size() >= 2) return;
+    if (asking_ || id_.empty() || !pending_.empty()) return;
+    const bool full = outbox_.size() == 2 && !rendering_;
+    if (outbox_.size() >= 2 && !full) return;
     asking_ = true;
     auto request = signed_request<v1::AcquireLeaseRequest>();
     request.set_prefetch(rendering_.has_value());
+    request.set_full(full);
     if (!warm_.empty()) request.add_warm_bundles(warm_);
     call<v1::AcquireLeaseRequest, v1::AcquireLeaseResponse>(
         &v1::WorkerService::Stub::AsyncAcquireLease, request,
-        [this](const grpc::Status& status, v1::AcquireLeaseResponse& response, double seconds) {
+        [this, full](const grpc::Status& status, v1::AcquireLeaseResponse& response, double seconds) {
           asking_ = false;
           if (status.error_code() == grpc::StatusCode::UNAUTHENTICATED) return sign_on_again();
           if (!status.ok()) return wait(kRetryMs * 1e-3, [this] { acquire(); });
@@ -265,15 +270,17 @@ class SwarmWorker {
           });
           if (!response.has_lease())
             return wait(std::clamp(response.retry_ms(), 10U, 10000U) * 1e-3, [this] { acquire(); });
-          take(std::move(*response.mutable_lease()));
+          take(std::move(*response.mutable_lease()), full);
           acquire();
         });
   }
 
-  void take(v1::Lease lease) {
+  void take(v1::Lease lease, bool urgent) {
     warm_ = lease.bundle_sha256();
     if (lease.unit().kind() == v1::Unit::KIND_PILOT) return complete_pilot(lease);
-    pending_.push_back({std::move(lease), {}, {}});
+    pending_.emplace_back();
+    pending_.back().lease = std::move(lease);
+    pending_.back().urgent = urgent;
     render_next();
   }
 
@@ -305,7 +312,7 @@ class SwarmWorker {
   }
 
   void render_next() {
-    if (rendering_ || pending_.empty() || outbox_.size() >= 2) return;
+    if (rendering_ || pending_.empty() || outbox_.size() >= (pending_.front().urgent ? 3U : 2U)) return;
     rendering_ = std::move(pending_.front());
     pending_.pop_front();
     rendering_->begun = rendering_->first = Clock::now();
@@ -332,7 +339,7 @@ class SwarmWorker {
   struct PushCall {
     grpc::ClientContext context;
     std::unique_ptr<grpc::GenericClientAsyncReaderWriter> stream;
-    Delivery delivery;
+    std::shared_ptr<Delivery> delivery;
     std::size_t next = 0;
     grpc::ByteBuffer answer;
     grpc::Status status;
@@ -356,25 +363,30 @@ class SwarmWorker {
     push_waits_ = false;
     auto call = std::make_shared<PushCall>();
     call->session_count = session_count_;
+    call->delivery = outbox_.front().delivery;
+    if (!call->delivery->messages.empty()) return begin(call);
     swarm_.pack(
         [this, call, lease = outbox_.front().lease, header = signed_request<v1::DeltaHeader>()]() mutable {
           header.set_render_seconds(seconds_per_iteration() * static_cast<double>(iterations(lease)));
           const std::size_t which = Swarm::recording_of(lease.unit_id(), swarm_.recording_);
-          call->delivery = swarm_.recording_.deliver(which, lease, std::move(header));
+          *call->delivery = swarm_.recording_.deliver(which, lease, std::move(header));
           const std::lock_guard lock(mutex_);
-          if (swarm_.over_ || call->session_count != session_count_) return;
-          set_deadline(call->context, 600);
-          calls_.push_back(&call->context);
-          call->begun = Clock::now();
-          call->stream =
-              generic_.PrepareCall(&call->context, "/candela.v1.WorkerService/PushDelta", &swarm_.queue_);
-          call->stream->StartCall(swarm_.tag([this, call](bool ok) { push_on(call, ok); }));
+          if (!swarm_.over_ && call->session_count == session_count_) begin(call);
         });
   }
 
+  void begin(const std::shared_ptr<PushCall>& call) {
+    set_deadline(call->context, 600);
+    calls_.push_back(&call->context);
+    call->begun = Clock::now();
+    call->stream =
+        generic_.PrepareCall(&call->context, "/candela.v1.WorkerService/PushDelta", &swarm_.queue_);
+    call->stream->StartCall(swarm_.tag([this, call](bool ok) { push_on(call, ok); }));
+  }
+
   void push_on(const std::shared_ptr<PushCall>& call, bool ok) {
-    if (ok && call->next < call->delivery.messages.size()) {
-      const grpc::ByteBuffer& message = call->delivery.messages[call->next++];
+    if (ok && call->next < call->delivery->messages.size()) {
+      const grpc::ByteBuffer& message = call->delivery->messages[call->next++];
       return call->stream->Write(message, swarm_.tag([this, call](bool fine) { push_on(call, fine); }));
     }
     // All is written, or the master has answered before: the answer comes either way.
@@ -416,7 +428,7 @@ class SwarmWorker {
     const bool merged = call->response.verdict() == v1::DELTA_VERDICT_MERGED;
     count([&](SwarmCounts& c) {
       ++(merged ? c.merged : c.other_verdicts);
-      c.delta_bytes += call->delivery.bytes;
+      c.delta_bytes += call->delivery->bytes;
       c.push_seconds.push_back(static_cast<float>(seconds));
     });
     outbox_.pop_front();

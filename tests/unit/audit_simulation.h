@@ -183,7 +183,7 @@ class AuditSimulation {
         unit.end = unit.begin + (unit.end - unit.begin + 1) / 2;
       deliver(w, l, unit);
     }
-    const AcquireResult got = s->acquire(w.id, {}, !w.under_way.empty(), now());
+    const AcquireResult got = s->acquire(w.id, {}, {.prefetch = !w.under_way.empty()}, now());
     publish();
     if (!got.lease) return;
     EXPECT_FALSE(distrusts(w.id)) << "a worker that is distrusted has a lease";

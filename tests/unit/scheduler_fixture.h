@@ -49,9 +49,9 @@ class SchedulerFixture : public ::testing::Test {
     j.bundle_sha256 = "bundle-" + id;
     return j;
   }
-  std::optional<Lease> lease(const std::string& w, bool prefetch = false) {
+  std::optional<Lease> lease(const std::string& w, bool prefetch = false, bool full = false) {
     s->authenticate(w, "session-" + w, now());
-    auto leased = s->acquire(w, {}, prefetch, now()).lease;
+    auto leased = s->acquire(w, {}, {prefetch, full}, now()).lease;
     expect_invariants();
     return leased;
   }

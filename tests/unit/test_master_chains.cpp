@@ -388,7 +388,7 @@ TEST_F(ChainSchedulerTest, LeasesComeWithTheirInputs) {
   KnownInputs films;
   const auto acquire = [&](bool prefetch) {
     s->authenticate("a", "session-a", now());
-    return s->acquire("a", {}, prefetch, now(), &films);
+    return s->acquire("a", {}, {.prefetch = prefetch}, now(), &films);
   };
   for (const bool prefetch : {false, true})
     for (const auto missing : {FilmInputs::State::unread, FilmInputs::State::lost}) {
@@ -435,7 +435,7 @@ TEST_F(ChainSchedulerTest, AUnitThatTheFilmHasIsNotOffered) {
   KnownInputs films;
   films.states["j"] = FilmInputs::State::merged;
   s->authenticate("a", "session-a", now());
-  const AcquireResult result = s->acquire("a", {}, false, now(), &films);
+  const AcquireResult result = s->acquire("a", {}, {}, now(), &films);
   EXPECT_FALSE(result.lease);
   EXPECT_TRUE(result.unread.empty() && result.lacking.empty());
   EXPECT_FALSE(s->waiting_of(*s->job("j"), now()));

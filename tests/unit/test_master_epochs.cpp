@@ -46,7 +46,7 @@ class EpochSchedulerTest : public SchedulerFixture {
   // A lease with what came beside it.
   AcquireResult acquire(const std::string& w) {
     s->authenticate(w, "session-" + w, now());
-    return s->acquire(w, {}, false, now());
+    return s->acquire(w, {}, {}, now());
   }
 };
 

@@ -356,7 +356,7 @@ TEST(FarmDisk, AFullDiskDelaysTheEndOnly) {
       Unit unit;
     };
     const Work w = farm.with_scheduler([&](Scheduler& s) {
-      Work out{s.acquire("a", {}, false, farm.now()).lease, {}};
+      Work out{s.acquire("a", {}, {}, farm.now()).lease, {}};
       if (out.lease) out.unit = s.job(id)->units.at(out.lease->row.unit_id).row.unit;
       return out;
     });

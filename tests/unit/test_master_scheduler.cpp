@@ -231,6 +231,25 @@ TEST_F(SchedulerTest, PrioritiesAndShares) {
   EXPECT_NEAR(seconds["x"] / seconds["y"], 3, 0.1);
 }
 
+// Claim: a worker that asks as full gets a unit of a job of higher priority than all that it holds, and no
+// other, nor a straggler's unit.
+TEST_F(SchedulerTest, FullWorkersTakeUrgentUnitsAlone) {
+  worker("a");
+  job("low", 100000);
+  ASSERT_TRUE(lease("a"));
+  ASSERT_TRUE(lease("a"));
+  EXPECT_FALSE(lease("a", false, true));
+  job("same", 100000, true, 0, 1);
+  EXPECT_FALSE(lease("a", false, true));
+  job("urgent", 100000, true, 1, 1);
+  const auto got = lease("a", false, true);
+  ASSERT_TRUE(got);
+  EXPECT_EQ(got->row.job_id, "urgent");
+  EXPECT_FALSE(lease("a", false, true)) << "it holds a unit of the urgent job now";
+  const auto normal = lease("a");
+  ASSERT_TRUE(normal) << "as one that is not full it gets units as ever";
+}
+
 // Claim: a job that arrives late shares from then on; it does not get all the time it was not there.
 TEST_F(SchedulerTest, LateJobsDoNotStarveOthers) {
   worker("a");
@@ -294,7 +313,7 @@ TEST_F(SchedulerTest, DrainEndsLeases) {
   job("j", 100);
   const auto l = lease("a");
   ASSERT_TRUE(s->drain("a", now()).ok());
-  EXPECT_TRUE(s->acquire("a", {}, false, now()).drain);
+  EXPECT_TRUE(s->acquire("a", {}, {}, now()).drain);
   EXPECT_EQ(s->worker_state_name(s->workers().at("a"), now()), "draining");
   deliver(*l, unit_of(*l));
   EXPECT_EQ(s->worker_state_name(s->workers().at("a"), now()), "drained");
@@ -424,7 +443,7 @@ TEST_F(SchedulerTest, RestartReconcilesRowsWithTheFilm) {
       << "it can be cut";
   EXPECT_EQ(t.check_delivery("a", l.token, 5, "j", {Unit::Kind::iterations, 0, 14, 16}, now()), Delivery::ok);
   t.authenticate("a", "session-a", now());
-  EXPECT_GT(t.acquire("a", {}, false, now()).lease->row.token, l.token);
+  EXPECT_GT(t.acquire("a", {}, {}, now()).lease->row.token, l.token);
 }
 
 // Claim: a job that has rendered all it was asked for, but whose last checkpoint fails, cannot be paused, and

@@ -279,6 +279,35 @@ TEST_F(WorkerServiceTest, AFullQueueLetsOthersPass) {
   EXPECT_EQ(master_.headers[first].sha256(), sha256_hex(master_.deltas[first]));
 }
 
+// Claim: a worker whose deltas all wait for the merge queue takes a unit of an urgent job, delivers it before
+// them, and takes no other; when there is a place again all are merged, each once.
+TEST_F(WorkerServiceTest, AFullWorkerTakesAnUrgentUnit) {
+  const std::uint64_t first = master_.add_lease(0, 3), second = master_.add_lease(3, 6);
+  master_.no_place = {first, second};
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return master_.saw_full; }));
+  std::uint64_t urgent = 0, later = 0;
+  {
+    const std::lock_guard lock(master_.mutex);
+    urgent = master_.add_lease_unlocked(6, 9);
+    later = master_.add_lease_unlocked(9, 12);
+    master_.urgent = {urgent};
+  }
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  {
+    const std::lock_guard lock(master_.mutex);
+    EXPECT_EQ(master_.merged, std::vector<std::uint64_t>{urgent});
+    EXPECT_EQ(master_.leases.size(), 1U) << "a full worker has another unit that is not urgent";
+    master_.no_place.clear();
+  }
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 4; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_EQ(std::set<std::uint64_t>(master_.merged.begin(), master_.merged.end()),
+            (std::set<std::uint64_t>{first, second, urgent, later}));
+  EXPECT_TRUE(master_.returned.empty());
+}
+
 // Claim: a delta that the master will never take (a malformed request by its reckoning) fails the unit
 // instead of being sent for ever.
 TEST_F(WorkerServiceTest, PushThatCannotSucceedFailsTheUnit) {

@@ -199,6 +199,8 @@ class FakeMaster final : public v1::WorkerService::Service {
       blob_script;
   std::deque<v1::DeltaVerdict> verdicts;  // then MERGED
   std::set<std::uint64_t> revoked, to_cut;
+  std::set<std::uint64_t> urgent;    // leases that a full worker gets
+  std::set<std::uint64_t> no_place;  // deltas that the merge queue has no place for
   bool drain = false;
   bool wrong_blob_bytes = false;
   std::uint32_t heartbeat_ms = 20;
@@ -206,7 +208,7 @@ class FakeMaster final : public v1::WorkerService::Service {
   std::deque<v1::Lease> leases;
   int registrations = 0, acquisitions = 0, heartbeats = 0, pushes = 0, deregistrations = 0, blob_fetches = 0;
   std::vector<std::uint64_t> blob_offsets;  // of each fetch
-  bool saw_prefetch = false;
+  bool saw_prefetch = false, saw_full = false;
   std::uint64_t fetched_size = 0;  // as the first request for a blob says it
   v1::RegisterRequest registered;
   std::vector<std::string> warm;
@@ -286,10 +288,11 @@ class FakeMaster final : public v1::WorkerService::Service {
     if (const auto status = check(request->session()); !status.ok()) return status;
     if (const auto status = next(acquire_script); !status.ok()) return status;
     saw_prefetch = saw_prefetch || request->prefetch();
+    saw_full = saw_full || request->full();
     warm.assign(request->warm_bundles().begin(), request->warm_bundles().end());
     response->set_drain(drain);
     response->set_retry_ms(20);
-    if (!drain && !leases.empty()) {
+    if (!drain && !leases.empty() && (!request->full() || urgent.contains(leases.front().token()))) {
       *response->mutable_lease() = leases.front();
       leases.pop_front();
     }
@@ -353,6 +356,8 @@ class FakeMaster final : public v1::WorkerService::Service {
     ++pushes;
     if (const auto status = check(header.session()); !status.ok()) return status;
     if (const auto status = next(push_script); !status.ok()) return status;
+    if (no_place.contains(header.token()))
+      return wire::to_status_with_retry(resource_error("the merge queue is full"), 50);
     response->set_verdict(v1::DELTA_VERDICT_MERGED);
     if (!verdicts.empty()) {
       response->set_verdict(verdicts.front());

@@ -220,10 +220,12 @@ void FarmWorker::register_once(Lock& lock) {
 void FarmWorker::acquire_once(Lock& lock) {
   const Session session = session_;
   asked_while_busy_ = running_ != nullptr;
+  const bool full = is_full();
   v1::AcquireLeaseRequest request;
   request.set_worker_id(session.worker_id);
   request.set_session(session.token);
   request.set_prefetch(asked_while_busy_);
+  request.set_full(full);
   v1::AcquireLeaseResponse response;
   const grpc::Status status = lock.without([&] {
     for (std::string& hash : scenes_.warm_bundles()) request.add_warm_bundles(std::move(hash));
@@ -250,6 +252,7 @@ void FarmWorker::acquire_once(Lock& lock) {
     auto task = std::make_shared<Task>();
     task->lease = std::move(*response.mutable_lease());
     task->generation = session.generation;
+    task->urgent = full;
     if (drain_ == Drain::no)
       pending_.push_back(std::move(task));
     else
@@ -259,16 +262,21 @@ void FarmWorker::acquire_once(Lock& lock) {
   } else {
     next_acquire_ =
         Clock::now() + std::clamp(Milliseconds(response.retry_ms()), kShortestRetry, kLongestRetry);
-    // It has become idle while it asked as a busy one: ask again as an idle one.
-    if (asked_while_busy_ && running_ == nullptr) next_acquire_ = Clock::now();
+    // It has become idle while it asked as a busy one, or has a place while it asked as a full one: ask
+    // again.
+    if ((asked_while_busy_ && running_ == nullptr) || (full && !is_full())) next_acquire_ = Clock::now();
   }
   changed_.notify_all();
 }
 
 // None while a unit is computed that the worker does not own any more.
 bool FarmWorker::wants_lease() const {
-  return drain_ == Drain::no && pending_.empty() && outbox_.size() < 2 &&
+  return drain_ == Drain::no && pending_.empty() && (outbox_.size() < kMostDeltas || is_full()) &&
          (running_ == nullptr || !running_->dropped);
+}
+
+bool FarmWorker::is_full() const {
+  return outbox_.size() == kMostDeltas && running_ == nullptr;
 }
 
 bool FarmWorker::owns(std::uint64_t token) const {

@@ -5,7 +5,8 @@
 //   control --pending--> render --outbox--> push
 //
 // At most one lease is waiting, one unit is rendered and one is pushed. A finished delta stays in the outbox
-// until the master gives its verdict or the lease is lost.
+// until the master gives its verdict or the lease is lost. A worker whose deltas all wait, since the master's
+// queue is full, takes one unit more if its job is more urgent than theirs.
 #pragma once
 
 #include <algorithm>
@@ -28,6 +29,9 @@
 #include "worker/service/worker_service.h"
 
 namespace candela::worker {
+
+// Finished deltas that a worker holds; one more of an urgent job.
+inline constexpr std::size_t kMostDeltas = 2;
 
 // Times and bounds; tests shorten them.
 struct Tuning {
@@ -72,6 +76,7 @@ class FarmWorker final : public Worker {
   struct Task {
     v1::Lease lease;
     std::uint64_t generation = 0;  // of the session it was leased under
+    bool urgent = false;           // of higher priority than the deltas that waited when it was leased
     WorkMonitor monitor;           // stopped if dropped
     std::atomic<bool> dropped{false};
     std::atomic<bool> cut{false};  // ends after the block of iterations, or the segments, under way
@@ -136,6 +141,8 @@ class FarmWorker final : public Worker {
   void end_with(Error error) CANDELA_REQUIRES(mutex_);
   bool owns(std::uint64_t token) const CANDELA_REQUIRES(mutex_);
   bool wants_lease() const CANDELA_REQUIRES(mutex_);
+  // Its deltas wait for the master: only an urgent unit is wanted.
+  bool is_full() const CANDELA_REQUIRES(mutex_);
 
   // farm_worker_render.cpp
   void render_loop();

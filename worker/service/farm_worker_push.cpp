@@ -59,7 +59,10 @@ void FarmWorker::push_loop() {
     lock.unlock();
     const bool done = deliver(*finished);
     lock.lock();
-    if (done) outbox_.pop_front();  // others come at the end
+    if (done) {
+      if (is_full()) next_acquire_ = Clock::now();  // there is a place for units of any priority
+      outbox_.pop_front();                          // others come at the end
+    }
     changed_.notify_all();
   }
 }

@@ -21,9 +21,10 @@ constexpr std::size_t kMaxFailureBytes = 4096;  // of a message to the master
 void FarmWorker::render_loop() {
   Lock lock(mutex_);
   while (true) {
-    // One unit may be with the push thread while another is rendered, no more.
+    // One unit may be with the push thread while another is rendered, and two while an urgent one is.
     changed_.wait(lock, [&]() CANDELA_REQUIRES(mutex_) {
-      return closing_ || (!pending_.empty() && outbox_.size() <= 1);
+      return closing_ ||
+             (!pending_.empty() && outbox_.size() < kMostDeltas + (pending_.front()->urgent ? 1 : 0));
     });
     if (closing_) return;
     TaskPtr task = std::move(pending_.front());
