@@ -9,7 +9,7 @@ std::string_view version();  // "0.1.0"
 // Names the sources and architecture this binary was built from. Two binaries with one build id make the same
 // bits.
 std::string_view build_id();
-inline constexpr std::uint32_t kProtocol = 2;  // of proto/candela/v1; grows when old and new cannot talk
+inline constexpr std::uint32_t kProtocol = 3;  // of proto/candela/v1; grows when old and new cannot talk
 
 // An error where this CPU lacks an instruction set the binary was compiled for, to be printed before anything
 // runs. (Called first thing in main: the alternative is an illegal instruction without a word.)

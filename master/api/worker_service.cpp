@@ -270,6 +270,7 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
           ticket.error(), static_cast<std::uint32_t>(farm_.gate().retry_seconds(order) * 1000)));
     }
     unknown.reset();
+    reader->SendInitialMetadata();  // there is a place: the sender, who waits for this, may send the bytes
     const double started = farm_.now().seconds, cpu_started = thread_cpu_seconds();
     BufferPool::Buffer buffer = [&] {
       const LargeWork large;

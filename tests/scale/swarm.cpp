@@ -341,6 +341,7 @@ class SwarmWorker {
     std::unique_ptr<grpc::GenericClientAsyncReaderWriter> stream;
     std::shared_ptr<Delivery> delivery;
     std::size_t next = 0;
+    bool place = false;  // asked for, and told
     grpc::ByteBuffer answer;
     grpc::Status status;
     v1::PushDeltaResponse response;
@@ -385,6 +386,11 @@ class SwarmWorker {
   }
 
   void push_on(const std::shared_ptr<PushCall>& call, bool ok) {
+    // As a worker does: the bytes follow the header when the master says that it has a place for them.
+    if (ok && call->next == 1 && !call->place) {
+      call->place = true;
+      return call->stream->ReadInitialMetadata(swarm_.tag([this, call](bool told) { push_on(call, told); }));
+    }
     if (ok && call->next < call->delivery->messages.size()) {
       const grpc::ByteBuffer& message = call->delivery->messages[call->next++];
       return call->stream->Write(message, swarm_.tag([this, call](bool fine) { push_on(call, fine); }));

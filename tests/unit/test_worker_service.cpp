@@ -308,6 +308,34 @@ TEST_F(WorkerServiceTest, AFullWorkerTakesAnUrgentUnit) {
   EXPECT_TRUE(master_.returned.empty());
 }
 
+// Claim: of a delta that the master has no place for, no byte but the header's goes over the network, however
+// slowly the master says so: a thousand workers that wait would fill it.
+TEST_F(WorkerServiceTest, RefusedDeltasSendNoBytes) {
+  MasterLink link(master_.channel());
+  v1::RegisterRequest request;
+  v1::RegisterResponse registered;
+  ASSERT_TRUE(link.unary(MasterLink::Lane::registration, &v1::WorkerService::Stub::Register, request,
+                         registered, Milliseconds(5000))
+                  .ok());
+  v1::DeltaHeader header;
+  header.set_session(registered.session());
+  header.set_token(7);
+  const std::string bytes(1 << 20, 'x');
+  const auto push = [&] {
+    v1::PushDeltaResponse response;
+    std::atomic<std::uint64_t> steps{0};
+    const Status status = link.push_delta(header, bytes, 4096, response, steps);
+    return std::pair(status.error_code(), steps.load());
+  };
+  EXPECT_EQ(push(), std::pair(StatusCode::OK, std::uint64_t{256}));
+  {
+    const std::lock_guard lock(master_.mutex);
+    master_.no_place = {7};
+    master_.refuse_after_ms = 50;
+  }
+  EXPECT_EQ(push(), std::pair(StatusCode::RESOURCE_EXHAUSTED, std::uint64_t{0}));
+}
+
 // Claim: a delta that the master will never take (a malformed request by its reckoning) fails the unit
 // instead of being sent for ever.
 TEST_F(WorkerServiceTest, PushThatCannotSucceedFailsTheUnit) {

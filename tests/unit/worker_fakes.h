@@ -201,6 +201,7 @@ class FakeMaster final : public v1::WorkerService::Service {
   std::set<std::uint64_t> revoked, to_cut;
   std::set<std::uint64_t> urgent;    // leases that a full worker gets
   std::set<std::uint64_t> no_place;  // deltas that the merge queue has no place for
+  int refuse_after_ms = 0;
   bool drain = false;
   bool wrong_blob_bytes = false;
   std::uint32_t heartbeat_ms = 20;
@@ -347,17 +348,24 @@ class FakeMaster final : public v1::WorkerService::Service {
     v1::DeltaChunk chunk;
     v1::DeltaHeader header;
     std::string bytes;
-    while (reader->Read(&chunk)) {
-      if (chunk.has_header()) header = chunk.header();
-      bytes += chunk.data();
+    if (!reader->Read(&chunk)) return {grpc::StatusCode::INVALID_ARGUMENT, "no chunk came"};
+    header = chunk.header();
+    {
+      const std::lock_guard lock(mutex);
+      const Notify notify(*this);
+      ++pushes;
+      if (const auto status = check(header.session()); !status.ok()) return status;
+      if (const auto status = next(push_script); !status.ok()) return status;
+      if (no_place.contains(header.token())) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(refuse_after_ms));
+        return wire::to_status_with_retry(resource_error("the merge queue is full"), 50);
+      }
     }
+    reader->SendInitialMetadata();
+    bytes = chunk.data();
+    while (reader->Read(&chunk)) bytes += chunk.data();
     const std::lock_guard lock(mutex);
     const Notify notify(*this);
-    ++pushes;
-    if (const auto status = check(header.session()); !status.ok()) return status;
-    if (const auto status = next(push_script); !status.ok()) return status;
-    if (no_place.contains(header.token()))
-      return wire::to_status_with_retry(resource_error("the merge queue is full"), 50);
     response->set_verdict(v1::DELTA_VERDICT_MERGED);
     if (!verdicts.empty()) {
       response->set_verdict(verdicts.front());

@@ -77,17 +77,19 @@ grpc::Status MasterLink::push_delta(const v1::DeltaHeader& header, std::string_v
   wire::StallGuard guard(call.context(), wire::kStall);
   const auto writer = stub_->PushDelta(&call.context(), &response);
   // The header goes alone: the master soon cuts off who has not said who it is, and a slow link is full of
-  // data.
+  // data. The bytes follow when the master has a place for them; where it has none, they would only fill the
+  // link.
   v1::DeltaChunk chunk;
   *chunk.mutable_header() = header;
   bool going = writer->Write(chunk);
+  if (going) writer->WaitForInitialMetadata();
   chunk.clear_header();
   chunk_bytes = std::min(chunk_bytes, wire::kStreamBytes);
   for (std::size_t at = 0; going && at < bytes.size(); at += chunk_bytes) {
     const std::string_view part = bytes.substr(at, chunk_bytes);
     chunk.set_data(part.data(), part.size());
     going = writer->Write(chunk);  // false: the master has answered already, Finish() says what
-    steps.fetch_add(1, std::memory_order_relaxed);
+    if (going) steps.fetch_add(1, std::memory_order_relaxed);
     guard.allow(wire::kStall);
   }
   if (going) writer->WritesDone();
