@@ -29,8 +29,11 @@ void BulkThreads::put(std::function<void()> work) {
 }
 
 void BulkThreads::loop(int niceness) {
-  // On Linux setpriority() changes one thread. If it fails, the thread keeps its priority.
-  if (niceness != 0) static_cast<void>(::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), niceness));
+  // Beside the master's own, which may have been started with another than 0. On Linux setpriority() changes
+  // one thread. If it fails, the thread keeps its priority.
+  if (niceness != 0)
+    static_cast<void>(::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()),
+                                    ::getpriority(PRIO_PROCESS, 0) + niceness));
   const LargeWork large;
   for (;;) {
     std::function<void()> work;
