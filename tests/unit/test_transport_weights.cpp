@@ -216,7 +216,7 @@ TEST(TransportWeights, HoldOnWalksOfAThousandEdges) {
     Findings f;
     PathTest<Between::media, Balance> balance(**scene, rules, f, 165);
     PathTest<Between::media, Power> power(**scene, rules, f, 165);
-    for (std::uint64_t i = 0; i < 5; ++i) {
+    for (std::uint64_t i = 0; i < 3; ++i) {
       balance.run(i);
       power.run(i);
     }
