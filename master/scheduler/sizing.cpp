@@ -7,6 +7,7 @@ namespace candela::master {
 
 namespace {
 constexpr double kMergeShare = 0.4;  // of the time, at most
+constexpr double kShortUnits = 4;    // at first, of each half
 }
 
 std::uint64_t unit_iterations(const SizingInput& in) {
@@ -22,7 +23,7 @@ std::uint64_t unit_iterations(const SizingInput& in) {
     const double early = std::max(1.0, std::floor(in.unit_seconds / 16 / in.seconds_per_iteration));
     const double first = std::max(early, std::floor(round / in.seconds_per_iteration));
     n = std::min(n, std::max(std::floor(cut / ((in.open_end ? 8 : 1) * workers)), first));
-    if (cut < 2 * early) n = std::min(n, early);
+    if (cut < 2 * kShortUnits * early) n = std::min(n, early);
   }
   n = std::clamp(n, 1.0, static_cast<double>(kMaxUnitIterations));
   if (in.remaining > 0) {

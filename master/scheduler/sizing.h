@@ -32,7 +32,8 @@ struct SizingInput {
 //  - at most what has been cut so far, shared by the workers, so that there is a picture soon; where the end
 //  is open an eighth of that, so that the job neither runs far past its end nor ends with one half of its
 //  film empty; from a sixteenth of unit_seconds, and from what the merge of all workers' deltas takes, on;
-//  - the first unit of each half takes a sixteenth of unit_seconds, whatever the number of workers.
+//  - the first four units of each half take a sixteenth of unit_seconds, whatever the number of workers: one
+//  of several soon arrives, though the worker of another may be slow or still send something else.
 std::uint64_t unit_iterations(const SizingInput& in);
 
 inline constexpr std::uint64_t kMaxUnitIterations = 16384;

@@ -54,7 +54,7 @@ TEST(Sizing, SparesTheMerge) {
   EXPECT_EQ(unit_iterations(in), 1U);
   in.remaining = 0;
   in.open_end = true;
-  in.cut_so_far = 4;
+  in.cut_so_far = 16;
   EXPECT_EQ(unit_iterations(in), 400U) << "hardly anything is cut yet: as the merge can take";
   in.cut_so_far = 4'000'000;
   EXPECT_EQ(unit_iterations(in), 500U);
@@ -72,7 +72,9 @@ TEST(Sizing, BeginsWithShortUnits) {
   EXPECT_EQ(unit_iterations(in), 5U) << "a sixteenth of 4 s";
   in.cut_so_far = 5;
   EXPECT_EQ(unit_iterations(in), 5U) << "of the other half";
-  in.cut_so_far = 10;
+  in.cut_so_far = 35;
+  EXPECT_EQ(unit_iterations(in), 5U) << "the eighth: one of the first may come late";
+  in.cut_so_far = 40;
   EXPECT_GT(unit_iterations(in), 400U) << "the merge of a thousand deltas takes 100 s";
   in.active_workers = 4;
   in.cut_so_far = 80;
