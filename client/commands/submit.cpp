@@ -27,7 +27,7 @@ constexpr int kSignalCode = 128;
 struct SubmitOptions {
   SceneOptions scene;
   FarmOptions farm;
-  std::optional<std::string> name, priority, share, token, output, png, frames;
+  std::optional<std::string> name, priority, share, token, output, png, frames, on_end;
   std::vector<std::string> depends;
   PreviewOptions preview;
   bool wait = false, quiet = false, json = false, error_layer = false, variance_layer = false;
@@ -43,6 +43,7 @@ Result<void> check_waits(const SubmitOptions& options) {
   };
   for (const auto& [given, option] : needs)
     if (given) return usage_error("an output needs --wait").with_field(option);
+  if (options.on_end) return usage_error("nobody sees the end without --wait").with_field("--on-end");
   return {};
 }
 
@@ -80,6 +81,7 @@ Result<int> submit_one(Context& context, const SubmitOptions& options, Submissio
   CANDELA_ASSIGN(const ImageOutput output, outputs_of(options.output, options.png, ""));
   WaitOptions wait{options.quiet, options.json,    options.error_layer,
                    output,        options.preview, options.variance_layer};
+  wait.on_end = options.on_end.value_or("");
   if (options.wait && (options.output || options.png))
     CANDELA_TRY(check_layers(
         output, {{options.error_layer, "--error-layer"}, {options.variance_layer, "--variance-layer"}}));
@@ -242,15 +244,20 @@ Result<int> submit_frames(Context& context, const SubmitOptions& options, Submis
   v1::JobName group;
   group.set_id(group_id);
   group.set_group(true);
-  CANDELA_ASSIGN(const int code, wait_for_jobs(context, *farm, {group}, options.quiet, options.json));
-  if ((!options.output && !options.png) || code >= kSignalCode) return code;
-  CANDELA_ASSIGN(const int fetched,
-                 fetch_jobs(context, *farm, {group},
-                            {options.output,
-                             options.png,
-                             {.error_layer = options.error_layer, .variance_layer = options.variance_layer},
-                             options.quiet}));
-  return code != 0 ? code : fetched;
+  std::vector<EndedJob> ended;
+  CANDELA_ASSIGN(const int code, wait_for_jobs(context, *farm, {group}, options.quiet, options.json, ended));
+  if (code >= kSignalCode) return code;
+  const Result<int> fetched =
+      options.output || options.png
+          ? fetch_jobs(context, *farm, {group},
+                       {options.output,
+                        options.png,
+                        {.error_layer = options.error_layer, .variance_layer = options.variance_layer},
+                        options.quiet})
+          : Result<int>(0);
+  const int on_end = run_on_end(context, options.on_end.value_or(""), ended);
+  if (!fetched.ok()) return fetched.error();
+  return code != 0 ? code : *fetched != 0 ? *fetched : on_end;
 }
 
 Result<int> run_submit(Context& context, const SubmitOptions& options) {
@@ -296,6 +303,7 @@ void add_submit(CLI::App& app, Context& context) {
   sub->add_flag("--error-layer", options->error_layer, "With --wait: add the layer 'error' to the EXR");
   sub->add_flag("--variance-layer", options->variance_layer,
                 "With --wait: add the layer 'variance' to the EXR");
+  add_on_end(*sub, options->on_end, "With --wait: ");
   sub->add_flag("--quiet", options->quiet, "Print no progress");
   sub->add_flag("--json", options->json, "Print JSON: with --wait the job's last status, else its id");
   sub->callback([&context, options] {

@@ -16,7 +16,7 @@ namespace {
 struct WatchOptions {
   FarmOptions farm;
   std::vector<std::string> ids;
-  std::optional<std::string> output, png, estimator, half;
+  std::optional<std::string> output, png, estimator, half, on_end;
   PreviewOptions preview;
   bool quiet = false, json = false, error_layer = false, chain_layers = false, partial = false,
        layers = false, variance_layer = false;
@@ -27,10 +27,16 @@ Result<int> run_watch(Context& context, const WatchOptions& options) {
   CANDELA_ASSIGN(const std::vector<v1::JobName> jobs, jobs_of_words(*farm, options.ids));
   if (jobs.size() == 1 && !jobs.front().group())
     return wait_for_job(context, *farm, jobs.front().id(),
-                        {options.quiet, options.json, false, {}, options.preview});
+                        {.quiet = options.quiet,
+                         .json = options.json,
+                         .preview = options.preview,
+                         .on_end = options.on_end.value_or("")});
   if (options.preview.tev)
     return usage_error("the viewer shows one job").with_field("--tev").with_mend("watch one job");
-  return wait_for_jobs(context, *farm, jobs, options.quiet, options.json);
+  std::vector<EndedJob> ended;
+  CANDELA_ASSIGN(const int code, wait_for_jobs(context, *farm, jobs, options.quiet, options.json, ended));
+  const int on_end = run_on_end(context, options.on_end.value_or(""), ended);
+  return code != 0 ? code : on_end;
 }
 
 Result<int> run_fetch(Context& context, const WatchOptions& options) {
@@ -61,6 +67,7 @@ void add_watch(CLI::App& app, Context& context) {
   add_preview_options(*sub, options->preview, false);
   sub->add_flag("--quiet", options->quiet, "Print no progress, only wait");
   sub->add_flag("--json", options->json, "Print the last status as JSON");
+  add_on_end(*sub, options->on_end, "");
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_watch(context, *options); };
   });

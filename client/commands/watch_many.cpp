@@ -43,7 +43,7 @@ std::string progress_text(const v1::ListJobsResponse& all) {
 }  // namespace
 
 Result<int> wait_for_jobs(Context& context, FarmClient& farm, const std::vector<v1::JobName>& jobs,
-                          bool quiet, bool json) {
+                          bool quiet, bool json, std::vector<EndedJob>& ended_jobs) {
   const StopSignals signals;
   ProgressLine progress(context.err, ProgressLine::mode_for(quiet));
   v1::ListJobsResponse all;
@@ -76,6 +76,7 @@ Result<int> wait_for_jobs(Context& context, FarmClient& farm, const std::vector<
                 << '\n';
   bool done = true;
   const auto judge = [&](const char* what, const auto& status) {
+    ended_jobs.push_back(ended_job(status));
     if (status.state() == v1::JOB_STATE_DONE) return;
     done = false;
     context.err << fmt::format("candela: {} {} ({}) is {}{}\n", what, printable(status.id()),

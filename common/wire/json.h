@@ -21,9 +21,10 @@ std::string events_json(const v1::ListEventsResponse& response);    // {"events"
 // One line.
 std::string report_json(const v1::JobReport& report);
 
-// The same objects as job_json() and worker_json(), compact, for a browser: every text is one printable line,
-// and a plan has lines.
+// The same objects as job_json(), worker_json() and group_json(), compact, for a browser: every text is one
+// printable line, and a plan has lines.
 std::string page_json(const v1::JobStatus& status);
 std::string page_json(const v1::WorkerStatus& status);
+std::string page_json(const v1::GroupStatus& status);
 
 }  // namespace candela::wire
