@@ -69,6 +69,9 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
   add_text(app, "--seed", options.seed, "Seed; default: that of the scene's sampler, else 0", "N");
   add_text(app, "--size", options.size,
            "Size of the image in pixels; default: the scene's film, or its crop window", "WxH");
+  add_text(app, "--crop", options.crop,
+           "Render this part of the image alone: left, top, width and height in pixels of the whole image",
+           "X,Y,W,H");
   add_text(app, "--filter", options.filter,
            "Pixel filter: box, tent, gaussian, mitchell, catmullrom or lanczos; default: the scene's rfilter",
            "NAME");

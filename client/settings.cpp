@@ -210,6 +210,19 @@ Result<void> resolve_size(const Object* film, const SceneOptions& options, JobSe
   }
   settings.width = size.width;
   settings.height = size.height;
+  if (!options.crop) return {};
+  CANDELA_ASSIGN(const CropWindow crop, parse_crop(*options.crop, "--crop"));
+  const auto fits = [](std::uint64_t begin, std::uint64_t extent, std::uint32_t whole) {
+    return begin + extent <= whole;
+  };
+  if (!fits(crop.x, crop.width, size.width) || !fits(crop.y, crop.height, size.height))
+    return usage_error(fmt::format("{} x {} pixels at {}, {} are not within the image's {} x {}", crop.width,
+                                   crop.height, crop.x, crop.y, size.width, size.height))
+        .with_field("--crop")
+        .with_mend("give left, top, width and height in pixels of the whole image");
+  settings.crop = Crop{crop.x, crop.y, size.width, size.height};
+  settings.width = crop.width;
+  settings.height = crop.height;
   return {};
 }
 
@@ -369,6 +382,9 @@ Result<PreparedJob> prepare_job(const description::SceneDescription& scene, cons
   PreparedJob job;
   CANDELA_TRY(resolve_filter(film.get(), options, job.settings));
   CANDELA_TRY(resolve_size(film.get(), options, job.settings));
+  if (job.settings.crop && (sensor->plugin == "distant" || sensor->plugin == "irradiancemeter"))
+    return usage_error(fmt::format("the sensor '{}' has no crop of its image", sensor->plugin))
+        .with_field("--crop");
   CANDELA_ASSIGN(job.settings.aovs, resolve_aovs(scene.aovs, options));
   CANDELA_ASSIGN(job.settings.layers, resolve_layers(scene, options));
   CANDELA_ASSIGN(job.spp, resolve_sampling(sampler.get(), options, job));
@@ -404,6 +420,7 @@ Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts&
     if (auto checked = letters::check(layers); !checked)
       return std::move(checked).error().with_field("--layer");
   if (options.size) CANDELA_TRY(parse_size(*options.size, "--size"));
+  if (options.crop) CANDELA_TRY(parse_crop(*options.crop, "--crop"));
   if (options.seed) CANDELA_TRY(parse_count(*options.seed, "--seed", 0, UINT64_MAX));
   CANDELA_ASSIGN(const std::uint64_t memory, scene_memory_bytes(options));
   CANDELA_ASSIGN(bundle::GatheredScene gathered,
@@ -430,6 +447,12 @@ std::string difference(const JobSettings& now, const JobSettings& was) {
   compare_maps(now.integrator_settings, was.integrator_settings);
   compare("width", now.width, was.width);
   compare("height", now.height, was.height);
+  const auto crop = [](const JobSettings& s) {
+    return s.crop ? fmt::format("{},{} of {}x{}", s.crop->x, s.crop->y, s.crop->whole_width,
+                                s.crop->whole_height)
+                  : std::string("none");
+  };
+  compare("crop", crop(now), crop(was));
   compare("filter", now.filter, was.filter);
   if (now.filter == was.filter) compare_maps(now.filter_settings, was.filter_settings);
   compare("sampler", now.sampler, was.sampler);

@@ -104,6 +104,20 @@ Result<Size> parse_size(std::string_view text, std::string_view option) {
   return size;
 }
 
+Result<CropWindow> parse_crop(std::string_view text, std::string_view option) {
+  CropWindow crop;
+  std::string_view rest = text;
+  bool good = true;
+  for (std::uint32_t* number : {&crop.x, &crop.y, &crop.width, &crop.height}) {
+    const std::string_view one = rest.substr(0, rest.find(','));
+    good = good && parse_whole(one, *number) && *number <= Limits::max_extent;
+    rest.remove_prefix(std::min(rest.size(), one.size() + (number == &crop.height ? 0 : 1)));
+  }
+  if (!good || !rest.empty() || crop.width < 1 || crop.height < 1)
+    return bad_value(text, option, "a window such as 640,360,200,100: left, top, width and height in pixels");
+  return crop;
+}
+
 Result<double> parse_until(std::string_view text, std::string_view option) {
   const std::size_t equals = text.find('=');
   if (equals == std::string_view::npos || text.substr(0, equals) != "relmse")

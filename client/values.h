@@ -32,6 +32,12 @@ struct Size {
 // "WIDTHxHEIGHT", each within 1 and Limits::max_extent, together at most Limits::max_pixels.
 Result<Size> parse_size(std::string_view text, std::string_view option);
 
+struct CropWindow {
+  std::uint32_t x = 0, y = 0, width = 0, height = 0;  // pixels
+};
+// "X,Y,WIDTH,HEIGHT", the window not empty, each at most Limits::max_extent.
+Result<CropWindow> parse_crop(std::string_view text, std::string_view option);
+
 // The target of "relmse=1e-3": above 0.
 Result<double> parse_until(std::string_view text, std::string_view option);
 

@@ -76,7 +76,9 @@ SceneOptions scene_options(const RenderCommand& command) {
   out.integrator = s.integrator;
   out.indices = command.indices;
   out.seed = fmt::format("{}", s.seed);
-  out.size = fmt::format("{}x{}", s.width, s.height);
+  out.size = s.crop ? fmt::format("{}x{}", s.crop->whole_width, s.crop->whole_height)
+                    : fmt::format("{}x{}", s.width, s.height);
+  if (s.crop) out.crop = fmt::format("{},{},{},{}", s.crop->x, s.crop->y, s.width, s.height);
   out.filter = s.filter;
   out.sampler = s.sampler;
   out.isa = s.isa;

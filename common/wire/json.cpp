@@ -69,6 +69,10 @@ Json epochs(const v1::EpochStatus& e) {
   return json;
 }
 
+Json crop(const v1::Crop& c) {
+  return {{"x", c.x()}, {"y", c.y()}, {"whole_width", c.whole_width()}, {"whole_height", c.whole_height()}};
+}
+
 Json job(const v1::JobStatus& s) {
   Json json;
   const std::string indices = indices_text(s);
@@ -108,6 +112,7 @@ Json job(const v1::JobStatus& s) {
                       {"integrator_settings", map(settings.integrator_settings())},
                       {"width", settings.width()},
                       {"height", settings.height()},
+                      {"crop", settings.has_crop() ? crop(settings.crop()) : Json(nullptr)},
                       {"filter", settings.filter()},
                       {"filter_settings", map(settings.filter_settings())},
                       {"sampler", settings.sampler()},
@@ -314,6 +319,10 @@ std::string page_json(const v1::JobStatus& status) {
 
 std::string page_json(const v1::WorkerStatus& status) {
   return page_text(printable(worker(status)));
+}
+
+std::string page_json(const v1::GroupStatus& status) {
+  return page_text(printable(group(status)));
 }
 
 }  // namespace candela::wire

@@ -99,6 +99,12 @@ void to_proto(const JobSettings& settings, v1::JobSettings& out) {
   out.set_isa(settings.isa);
   out.set_aovs(settings.aovs);
   out.set_layers(settings.layers);
+  if (settings.crop) {
+    out.mutable_crop()->set_x(settings.crop->x);
+    out.mutable_crop()->set_y(settings.crop->y);
+    out.mutable_crop()->set_whole_width(settings.crop->whole_width);
+    out.mutable_crop()->set_whole_height(settings.crop->whole_height);
+  }
 }
 
 void to_proto(const StopRule& stop, v1::StopRule& out) {
@@ -160,6 +166,17 @@ Result<JobSettings> from_proto(const v1::JobSettings& message) {
                                                      message.width(), message.height(), Limits::max_pixels));
   settings.width = message.width();
   settings.height = message.height();
+  if (message.has_crop()) {
+    const v1::Crop& crop = message.crop();
+    CANDELA_TRY(check_extent(crop.whole_width(), "settings.crop.whole_width"));
+    CANDELA_TRY(check_extent(crop.whole_height(), "settings.crop.whole_height"));
+    if (settings.width > crop.whole_width() || crop.x() > crop.whole_width() - settings.width ||
+        settings.height > crop.whole_height() || crop.y() > crop.whole_height() - settings.height)
+      return field_error("settings.crop", fmt::format("{} x {} pixels at {}, {} are not within {} x {}",
+                                                      settings.width, settings.height, crop.x(), crop.y(),
+                                                      crop.whole_width(), crop.whole_height()));
+    settings.crop = Crop{crop.x(), crop.y(), crop.whole_width(), crop.whole_height()};
+  }
   CANDELA_TRY(check_one_of(message.filter(), kFilterNames, "settings.filter"));
   settings.filter = message.filter();
   CANDELA_ASSIGN(settings.filter_settings,

@@ -141,6 +141,9 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   m["candela:integrator"] = s.integrator;
   m["candela:settings"] = text_of(s.integrator_settings);
   m["candela:size"] = fmt::format("{}x{}", s.width, s.height);
+  if (s.crop)
+    m["candela:crop"] = fmt::format("{},{},{},{} of {}x{}", s.crop->x, s.crop->y, s.width, s.height,
+                                    s.crop->whole_width, s.crop->whole_height);
   m["candela:filter"] = s.filter;
   m["candela:filter_settings"] = text_of(s.filter_settings);
   m["candela:sampler"] = s.sampler;

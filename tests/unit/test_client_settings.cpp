@@ -235,6 +235,39 @@ TEST(Settings, OptionsBeatTheScene) {
   EXPECT_TRUE(job->stop_given);
 }
 
+// Claim: a crop is a window of the image that would be rendered without it, up to its last pixel; one beyond
+// the image, an empty one and what is no window are refused by name.
+TEST(Settings, CropsAreWithinTheImage) {
+  SceneOptions options;
+  options.size = "64x32";
+  options.crop = "60,0,4,32";
+  const auto job = TestScene().prepare(options);
+  ASSERT_TRUE(job.ok()) << job.error().to_string();
+  EXPECT_EQ(job->settings.width, 4U);
+  EXPECT_EQ(job->settings.height, 32U);
+  EXPECT_EQ(job->settings.crop, (Crop{60, 0, 64, 32}));
+  for (const char* beyond : {"61,0,4,32", "0,1,4,32", "65,0,1,1", "0,0,65,1", "65535,65535,65536,65536"}) {
+    options.crop = beyond;
+    const auto refused = TestScene().prepare(options);
+    ASSERT_FALSE(refused.ok()) << beyond;
+    EXPECT_EQ(refused.error().field, "--crop");
+    EXPECT_NE(refused.error().message.find("64 x 32"), std::string::npos) << refused.error().message;
+  }
+  for (const char* bad : {"", "1,2,3", "1,2,3,4,5", "1,2,3,", "0,0,0,1", "0,0,1,0", "-1,0,1,1", "a,0,1,1",
+                          "0,0,1,70000", "0,0,4x4", " 0,0,1,1", "0,0,1,1,"}) {
+    options.crop = bad;
+    const auto refused = TestScene().prepare(options);
+    ASSERT_FALSE(refused.ok()) << bad;
+    EXPECT_EQ(refused.error().field, "--crop") << bad;
+  }
+  options.crop = "0,0,1,1";
+  TestScene meter;
+  meter.sensor->plugin = "irradiancemeter";
+  const auto refused = meter.prepare(options);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().field, "--crop");
+}
+
 // Claim: under another integrator, settings both know carry over and the others do not stand in the way.
 TEST(Settings, SharedSettingsCarryOver) {
   TestScene scene;

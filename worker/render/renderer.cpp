@@ -309,6 +309,7 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   options.build_threads = threads;
   options.film_width = settings.width;
   options.film_height = settings.height;
+  options.crop = settings.crop;
   options.textures = textures;
   options.named = !settings.layers.empty();
   CANDELA_ASSIGN(std::vector<Aov> aov_list, parse_aovs(settings.aovs));

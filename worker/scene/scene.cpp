@@ -1,6 +1,7 @@
 // The compiled scene's door.
 #include "worker/scene/scene.h"
 
+#include <fmt/format.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -78,7 +79,11 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
   const bool is_meter = sensors[0]->plugin == "irradiancemeter" && metered.size() == 1;
   const bool is_distant = sensors[0]->plugin == "distant";
   if (!is_meter && !is_distant) {
-    CANDELA_ASSIGN(impl.sensor, Sensor::build(*sensors[0], options.film_width, options.film_height));
+    CANDELA_ASSIGN(impl.sensor,
+                   Sensor::build(*sensors[0], options.film_width, options.film_height, options.crop));
+  } else if (options.crop) {
+    return input_error(fmt::format("the sensor '{}' has no crop of its image", sensors[0]->plugin))
+        .at(sensors[0]->where.file, sensors[0]->where.line);
   }
   impl.features.any_color = description::has_color(root);
   impl.features.finite_lens = is_meter || impl.sensor.reads_lens();

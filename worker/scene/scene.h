@@ -7,6 +7,7 @@
 
 #include "common/base/result.h"
 #include "common/description/object.h"
+#include "common/job/job.h"
 #include "worker/core/vec.h"
 #include "worker/scene/bsdf.h"
 #include "worker/scene/camera.h"
@@ -28,6 +29,7 @@ class Scene {
     std::string isa = "avx2";  // the ISA Embree may use
     unsigned build_threads = 1;
     std::uint32_t film_width = 1, film_height = 1;  // for the sensor's aspect
+    std::optional<Crop> crop = {};                  // of a larger image; nothing: all of it
     bool choose_emitters_by_power = false;  // for measurements: beyond a few, by power instead of the tree
     TextureLimits textures;
     // All hits have uv, dp_du and dp_dv, not those alone whose bsdfs read them. Tangent frames follow dp_du

@@ -96,6 +96,8 @@ def scene_arguments(settings: Mapping[str, Any]) -> list[str]:
             arguments += ["--until", f"relmse={value!r}"]
         elif key == "size":
             arguments += ["--size", size_text(value)]
+        elif key == "crop":
+            arguments += ["--crop", value if isinstance(value, str) else ",".join(str(int(n)) for n in value)]
         elif key == "aov":
             arguments += ["--aov", value if isinstance(value, str) else ",".join(value) or "none"]
         elif key == "layers" and isinstance(value, str):
