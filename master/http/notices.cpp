@@ -27,7 +27,7 @@ constexpr int kNoticeIdCharacters = 16;
 constexpr double kFreeShare = 0.05, kFreeAgain = 1.2;
 constexpr std::uint64_t kFreeBytes = 10ULL << 30;
 
-double steady_seconds() {
+double notice_clock() {
   return JobTable::now().seconds;
 }
 
@@ -156,7 +156,7 @@ void Notices::start(Farm* farm) {
 void Notices::stop() {
   {
     const Lock lock(mutex_);
-    if (!stopping_) give_up_at_ = steady_seconds() + options_.last_seconds;
+    if (!stopping_) give_up_at_ = notice_clock() + options_.last_seconds;
     stopping_ = true;
   }
   wake_.notify_all();
@@ -176,7 +176,7 @@ void Notices::tell(std::vector<Notice> notices) {
     JsonObject body;
     body.add("id", id).add("event", notice.event).number("unix_ms", notice.unix_ms).add("text", notice.text);
     if (!notice.subject.empty()) body.json(notice.subject, notice.about);
-    made.push_back({std::move(id), notice.event, body.text(), steady_seconds()});
+    made.push_back({std::move(id), notice.event, body.text(), notice_clock()});
   }
   {
     const Lock lock(mutex_);
@@ -208,7 +208,7 @@ bool Notices::send(const Waiting& notice) {
                      "Candela-Notice: " + notice.id, "Candela-Event: " + notice.event,
                      "Candela-Signature: sha256=" + hmac_sha256_hex(options_.secret, notice.body)},
                     options_.timeout_seconds,
-                    [this] { return steady_seconds() >= give_up_at_; }});
+                    [this] { return notice_clock() >= give_up_at_; }});
   if (answer.code >= 200 && answer.code < 300) {
     if (!last_trouble_.empty()) log::info("notices are delivered again");
     last_trouble_.clear();
@@ -222,7 +222,7 @@ bool Notices::send(const Waiting& notice) {
   // An answer about this notice, which another try would not change; others are about the receiver.
   const bool refused = answer.code >= 400 && answer.code < 500 && answer.code != 408 && answer.code != 425 &&
                        answer.code != 429;
-  const bool old = steady_seconds() - notice.told >= options_.keep_seconds;
+  const bool old = notice_clock() - notice.told >= options_.keep_seconds;
   if (!told || refused || old)
     log::warn(fmt::format("notice {} ({}) was not delivered{}: {}", notice.id, notice.event,
                           refused || old ? ", and is given up" : "", escape_unprintable(last_trouble_)));
@@ -240,30 +240,30 @@ void Notices::run() {
       std::uint64_t dropped = 0;
       {
         Lock lock(mutex_);
-        const double now = steady_seconds();
+        const double now = notice_clock();
         const double due = std::min(farm_ != nullptr ? next_look : now + options_.look_seconds,
                                     queue_.empty() ? now + options_.look_seconds : next_try);
         if (!stopping_ && due > now)
           wake_.wait_for(lock, std::chrono::duration<double>(due - now), [&]() CANDELA_REQUIRES(mutex_) {
-            return stopping_ || (!queue_.empty() && next_try <= steady_seconds());
+            return stopping_ || (!queue_.empty() && next_try <= notice_clock());
           });
         stopping = stopping_;
         dropped = std::exchange(dropped_, 0);
-        if (!queue_.empty() && (stopping || next_try <= steady_seconds())) first = queue_.front();
+        if (!queue_.empty() && (stopping || next_try <= notice_clock())) first = queue_.front();
       }
       count(&NoticeCounters::dropped, dropped);
-      if (stopping && (!first || steady_seconds() >= give_up_at_)) {
+      if (stopping && (!first || notice_clock() >= give_up_at_)) {
         if (first) log::warn(fmt::format("{} notices were not delivered before the stop", waiting()));
         return;
       }
-      const double now = steady_seconds();
+      const double now = notice_clock();
       if (farm_ != nullptr && !stopping && now >= next_look) {
         next_look = now + options_.look_seconds;
         watch(now);
       }
       if (!first) continue;
       const bool done = send(*first);
-      next_try = done ? 0 : steady_seconds() + pause;
+      next_try = done ? 0 : notice_clock() + pause;
       pause = done ? options_.first_pause : std::min(2 * pause, options_.max_pause);
       if (!done && !stopping) continue;
       // A notice that failed at the stop makes way for the others.
