@@ -51,6 +51,20 @@ Result<double> parse_number(std::string_view text, std::string_view option, doub
   return value;
 }
 
+Result<Interval> parse_interval(std::string_view text, std::string_view option, double least, double most) {
+  const std::size_t comma = text.find(',');
+  if (comma == std::string::npos)
+    return usage_error(fmt::format("'{}' is not LOW,HIGH", printable(text))).with_field(std::string(option));
+  Interval interval;
+  CANDELA_ASSIGN(interval.low, parse_number(text.substr(0, comma), option, least, most));
+  CANDELA_ASSIGN(interval.high, parse_number(text.substr(comma + 1), option, least, most));
+  if (!(interval.low < interval.high))
+    return usage_error(fmt::format("the range '{}' is empty", printable(text)))
+        .with_field(std::string(option))
+        .with_mend("give the lower number first, then a higher one");
+  return interval;
+}
+
 Result<double> parse_duration(std::string_view text, std::string_view option) {
   constexpr std::string_view wanted = "a duration such as 90s, 10m or 1h30m";
   struct UnitOfTime {

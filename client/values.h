@@ -21,6 +21,12 @@ Result<std::int64_t> parse_integer(std::string_view text, std::string_view optio
 // A finite number in [least, most].
 Result<double> parse_number(std::string_view text, std::string_view option, double least, double most);
 
+struct Interval {
+  double low = 0, high = 0;
+};
+// "LOW,HIGH", both within [least, most], low below high.
+Result<Interval> parse_interval(std::string_view text, std::string_view option, double least, double most);
+
 // Seconds above 0 of "90s", "10m", "1h30m", "2d", "500ms", "1.5h", or a bare number of seconds. Units go from
 // large to small, each at most once. At most ten years.
 Result<double> parse_duration(std::string_view text, std::string_view option);

@@ -19,7 +19,7 @@ struct WatchOptions {
   std::optional<std::string> output, png, estimator, half;
   PreviewOptions preview;
   bool quiet = false, json = false, error_layer = false, chain_layers = false, partial = false,
-       layers = false, variance_layer = false;
+       layers = false, variance_layer = false, denoise = false;
 };
 
 Result<int> run_watch(Context& context, const WatchOptions& options) {
@@ -47,7 +47,9 @@ Result<int> run_fetch(Context& context, const WatchOptions& options) {
                     {options.output,
                      options.png,
                      {options.error_layer, false, options.chain_layers, options.partial, options.layers,
-                      options.estimator.value_or(""), half, options.variance_layer}});
+                      options.estimator.value_or(""), half, options.variance_layer},
+                     false,
+                     options.denoise});
 }
 
 }  // namespace
@@ -90,6 +92,7 @@ void add_fetch(CLI::App& app, Context& context) {
   add_text(*sub, "--half", options->half,
            "Write the image of one half of the samples, for denoisers that filter each half by the other",
            "A|B");
+  sub->add_flag("--denoise", options->denoise, kDenoiseText);
   sub->add_flag("--partial", options->partial,
                 "Get what is left of a job that has ended and has lost samples (see verify)");
   add_farm_options(*sub, options->farm);

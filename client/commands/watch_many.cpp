@@ -89,6 +89,10 @@ Result<int> wait_for_jobs(Context& context, FarmClient& farm, const std::vector<
 
 Result<int> fetch_jobs(Context& context, FarmClient& farm, const std::vector<v1::JobName>& jobs,
                        const FetchPlan& plan) {
+  std::shared_ptr<const image::Denoiser> denoiser;
+  if (plan.denoise) {
+    CANDELA_ASSIGN(denoiser, image::Denoiser::load());
+  }
   // Frames in place of their groups.
   std::vector<v1::JobStatus> all;
   for (const v1::JobName& job : jobs) {
@@ -127,6 +131,7 @@ Result<int> fetch_jobs(Context& context, FarmClient& farm, const std::vector<v1:
                                       {plan.request.variance_layer, "--variance-layer"},
                                       {plan.request.state_layers, "--layers"},
                                       {plan.request.chain_layers, "--chain-layers"}}));
+    images.denoiser = denoiser;
     CANDELA_TRY(check_output(images));
     for (const std::string& name : {images.exr, images.png})
       if (!name.empty() && !names.insert(name).second)
@@ -140,7 +145,7 @@ Result<int> fetch_jobs(Context& context, FarmClient& farm, const std::vector<v1:
   for (std::size_t i = 0; i < all.size(); ++i) {
     const auto fetch = [&]() -> Result<void> {
       ImageRequest request = plan.request;
-      request.image_only = outputs[i].exr.empty();
+      request.image_only = outputs[i].exr.empty() && !denoiser;
       CANDELA_ASSIGN(const std::string exr, farm.fetch_image(all[i].id(), request));
       return write_images(outputs[i], exr);
     };

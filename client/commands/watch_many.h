@@ -17,7 +17,7 @@ Result<int> wait_for_jobs(Context& context, FarmClient& farm, const std::vector<
 struct FetchPlan {
   std::optional<std::string> output, png;
   ImageRequest request;
-  bool quiet = false;
+  bool quiet = false, denoise = false;
 };
 Result<int> fetch_jobs(Context& context, FarmClient& farm, const std::vector<v1::JobName>& jobs,
                        const FetchPlan& plan);
