@@ -19,6 +19,14 @@ install(CODE "
   set(share \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/share\")
   file(MAKE_DIRECTORY \"\${share}/man/man1\" \"\${share}/bash-completion/completions\" \"\${share}/zsh/vendor-completions\")
   execute_process(COMMAND \"\${candela}\" help-man \"\${share}/man/man1\" COMMAND_ERROR_IS_FATAL ANY)
+  foreach(each \"$<TARGET_FILE:candela-master>|master of the render farm\" \"$<TARGET_FILE:candela-worker>|worker of the render farm\")
+    string(REPLACE \"|\" \";\" each \"\${each}\")
+    list(GET each 0 program)
+    list(GET each 1 text)
+    get_filename_component(name \"\${program}\" NAME)
+    execute_process(COMMAND \"${CMAKE_COMMAND}\" -D PROGRAM=\${program} -D \"TEXT=\${text}\" -D OUT=\${share}/man/man1/\${name}.1
+                            -P \"${package_folder}/man_page.cmake\" COMMAND_ERROR_IS_FATAL ANY)
+  endforeach()
   file(GLOB pages \"\${share}/man/man1/candela*.1\")
   execute_process(COMMAND gzip -9nf \${pages} COMMAND_ERROR_IS_FATAL ANY)
   execute_process(COMMAND \"\${candela}\" completion bash COMMAND_ERROR_IS_FATAL ANY

@@ -18,7 +18,7 @@ from apart import eventually, own_namespaces
 from manifests import PROGRAMS, SOURCE
 
 TEST = "deploy_commands"
-PACKAGES = Path(os.environ["CANDELA_PACKAGES"])  # made by the test deploy_make_packages
+PACKAGES = Path(os.environ["CANDELA_PACKAGES"])  # made by the test deploy_make_DEB
 PAGES = ("farm", "services", "keeping", "page", "failures")
 SCENE = SOURCE / "deploy/scenes/cornell/scene.xml"
 PAGE_OF_FARM = (SOURCE / "docs/farm.md").read_text()
@@ -78,7 +78,10 @@ stop() {
 command="$1"
 shift
 case "$command" in
-  daemon-reload) systemd-analyze verify --man=no $(ls /etc/systemd/system/candela*.service /usr/lib/systemd/system/candela*.service 2>/dev/null) ;;
+  daemon-reload)
+    shopt -s nullglob
+    units=(/etc/systemd/system/candela*.service /usr/lib/systemd/system/candela*.service)
+    [[ ${#units[@]} == 0 ]] || systemd-analyze verify --man=no "${units[@]}" ;;
   enable)
     [[ $1 == --now ]] && shift
     for unit; do start "$unit"; done ;;
@@ -169,8 +172,7 @@ class Commands(unittest.TestCase):
         cls.folder.mkdir()
         (cls.folder / "build").symlink_to(PROGRAMS.parent)
         (cls.folder / "deploy").symlink_to(SOURCE / "deploy")
-        (deb,) = PACKAGES.glob("candela_*.deb")
-        shutil.copy(deb, cls.folder)
+        shutil.copy(max(PACKAGES.glob("candela_*.deb"), key=lambda path: path.stat().st_mtime), cls.folder)
         cls.path = f"/usr/local/bin:{PROGRAMS}:{os.environ['PATH']}"
         cls.path_of_package = f"/usr/local/bin:{os.environ['PATH']}"
         cls.held = {"DIR": str(cls.scratch / "dir"), "DATA": "/var/lib/candela", "HOST": "render.example.org"}

@@ -15,15 +15,13 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from apart import eventually, own_namespaces
 
 TEST = "deploy_package"
-PACKAGES = Path(os.environ["CANDELA_PACKAGES"])  # made by the test deploy_make_packages
+PACKAGES = Path(os.environ["CANDELA_PACKAGES"])  # made by the tests deploy_make_DEB and deploy_make_TGZ
 SCENE = "share/candela/scenes/cornell/scene.xml"
 SIZE = ["--size", "16x16", "--iterations", "4"]
 
 
-def only(pattern):
-    found = list(PACKAGES.glob(pattern))
-    assert len(found) == 1, f"{pattern}: {found}"
-    return found[0]
+def newest(pattern):
+    return max(PACKAGES.glob(pattern), key=lambda path: path.stat().st_mtime)
 
 
 def run(*command, **more):
@@ -49,7 +47,7 @@ class Packages(unittest.TestCase):
         for folder in ("var/lib/dpkg/info", "var/lib/dpkg/updates", "etc", "usr"):
             (cls.root / folder).mkdir(parents=True)
         (cls.root / "var/lib/dpkg/status").touch()
-        cls.deb = only("candela_*.deb")
+        cls.deb = newest("candela_*.deb")
         cls.hashes = {}
         cls.environment = dict(os.environ, XDG_STATE_HOME=str(cls.scratch / "state"))
         cls.dpkg("-i", cls.deb)
@@ -83,6 +81,7 @@ class Packages(unittest.TestCase):
         for wanted in ("usr/bin/candela", "usr/bin/candela-master", "usr/bin/candela-worker", "usr/lib/candela/candela-images.so",
                        "usr/lib/systemd/system/candela-master.service", "usr/lib/systemd/system/candela-worker@.service",
                        "usr/share/man/man1/candela.1.gz", "usr/share/man/man1/candela-render.1.gz",
+                       "usr/share/man/man1/candela-master.1.gz", "usr/share/man/man1/candela-worker.1.gz",
                        "usr/share/bash-completion/completions/candela", "usr/share/zsh/vendor-completions/_candela",
                        "usr/share/doc/candela/copyright", "etc/candela/config.toml"):
             self.assertIn(wanted, have)
@@ -99,17 +98,14 @@ class Packages(unittest.TestCase):
         self.assertIn("/etc/candela/worker", said)  # the certificate that is not there; no key is unknown
 
     def test_2_render(self):
-        """Claim: the programs render and find their modules from where they lie, in the root and, by the archive, in any folder;
-        both make the same bytes as the build."""
+        """Claim: the programs render and find their modules from where they lie: in the root, and in any folder to which they are
+        moved. Both make the same bytes."""
         with tempfile.TemporaryDirectory(dir=self.scratch) as folder:
-            elsewhere = Path(folder) / "an other place"
-            elsewhere.mkdir()
-            run("tar", "-xf", only("candela-*.tar.gz"), "-C", elsewhere)
-            (prefix,) = elsewhere.iterdir()
-            self.assertEqual(sorted(each.name for each in prefix.iterdir()), ["bin", "lib", "share"])
-            by_archive = render(prefix, elsewhere)
+            moved = Path(folder) / "an other place"
+            shutil.copytree(self.root / "usr", moved)
+            by_moved = render(moved, Path(folder))
             by_package = render(self.root / "usr", Path(folder))
-        self.assertEqual(by_archive, by_package)
+        self.assertEqual(by_moved, by_package)
 
     def test_3_services(self):
         """Claim: the units' command lines, as the user and with the folders that systemd gives, are a farm: without TLS the worker
@@ -179,6 +175,16 @@ class Packages(unittest.TestCase):
             self.assertFalse((self.root / folder).exists(), folder)
 
 
+class Archive(unittest.TestCase):
+    def test_render(self):
+        """Claim: the archive has one folder, and its programs render from wherever that is."""
+        with tempfile.TemporaryDirectory(prefix="candela-package-") as folder:
+            run("tar", "-xf", newest("candela-*.tar.gz"), "-C", folder)
+            (prefix,) = Path(folder).iterdir()
+            self.assertEqual(sorted(each.name for each in prefix.iterdir()), ["bin", "lib", "share"])
+            render(prefix, Path(folder))
+
+
 if __name__ == "__main__":
     own_namespaces(TEST, ("dpkg", "dpkg-deb", "setpriv", "readelf", "systemd-sysusers"))
-    unittest.main(verbosity=2)
+    unittest.main(verbosity=2, argv=[sys.argv[0], *(sys.argv[1:] or ["Packages"])])
