@@ -92,6 +92,11 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
   app.add_flag("--light-groups", options.light_groups, "Add a layer light.NAME for each lamp");
   app.add_flag("--partition", options.partition,
                "Refuse layers unless each path matches exactly one: they then add up to the image");
+  add_text(app, "--edits", options.edits,
+           "Edit how light travels, as a file of JSON says: move, turn or tint what chosen surfaces scatter; "
+           "none: no "
+           "edits (the default)",
+           "FILE");
   add_text(app, "--scene-memory", options.scene_memory,
            "Maximum memory for reading the scene, such as 500M or 20G; default: half of the memory", "SIZE");
   add_text(app, "--isa", options.isa,

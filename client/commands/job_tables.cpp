@@ -197,6 +197,7 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   line("integrator", integrator);
   if (!settings.aovs().empty()) line("AOVs", settings.aovs());
   if (!settings.layers().empty()) line("expressions", settings.layers());
+  if (!settings.edits().empty()) line("edits", settings.edits());
   if (s.layers_size() > 0) line("layers", join(s.layers(), " "));
   if (s.has_chains()) print_chains(line, s);
   if (s.has_epochs()) print_epochs(line, s.epochs());

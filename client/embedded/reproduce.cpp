@@ -82,6 +82,7 @@ SceneOptions scene_options(const RenderCommand& command) {
   out.isa = s.isa;
   out.aov = s.aovs.empty() ? "none" : s.aovs;
   out.layers = {s.layers.empty() ? "none" : s.layers};
+  if (!s.edits.empty()) out.edits = s.edits;
   return out;
 }
 
@@ -108,7 +109,8 @@ Result<void> check_scene(const LoadedScene& scene, const Origin& origin) {
        {std::pair<const char*, std::string>{"settings", text_of(s.integrator_settings)},
         {"filter_settings", text_of(s.filter_settings)},
         {"aovs", s.aovs},
-        {"expressions", s.layers}})
+        {"expressions", s.layers},
+        {"edits", s.edits}})
     if (here != origin.text(name))
       return input_error(fmt::format("{} come out as '{}' here, and were '{}'", name, printable(here),
                                      printable(origin.text(name))))

@@ -24,6 +24,7 @@ struct JobSettings {
   std::string isa = "avx2";  // the ISA Embree may use
   std::string aovs = {};     // "NAME:KIND,..." (common/job/aov.h); empty: none
   std::string layers = {};   // by light path expressions (common/letters/request.h); empty: none
+  std::string edits = {};    // of light transport, JSON (common/edits/edits.h); empty: none
 };
 
 struct StopRule {

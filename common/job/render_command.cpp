@@ -57,6 +57,7 @@ std::vector<std::string> words_of(const RenderCommand& command, std::string_view
   add("--isa", s.isa);
   add("--aov", s.aovs.empty() ? std::string(kNone) : s.aovs);
   add("--layer", s.layers.empty() ? std::string(kNone) : s.layers);
+  if (!s.edits.empty()) add("--edits", s.edits);
   add("--indices", command.indices);
   if (!command.half.empty()) add("--half", command.half);
   if (!command.estimator.empty()) add("--estimator", command.estimator);
@@ -105,6 +106,7 @@ Result<RenderCommand> parse_render_command(std::string_view line) {
          s.layers = value == kNone ? "" : value;
          return !value.empty();
        }},
+      {"--edits", text(s.edits)},
       {"--indices", text(command.indices)},
       {"--half", text(command.half)},
       {"--estimator", text(command.estimator)}};

@@ -114,7 +114,8 @@ Json job(const v1::JobStatus& s) {
                       {"seed", settings.seed()},
                       {"isa", settings.isa()},
                       {"aovs", settings.aovs()},
-                      {"layers", settings.layers()}};
+                      {"layers", settings.layers()},
+                      {"edits", settings.edits()}};
   json["bundle_sha256"] = s.bundle_sha256();
   json["scene_path"] = s.scene_path();
   json["film_scale_log2"] = s.has_named_state() ? Json(s.named_state().film_scale_log2()) : Json(nullptr);

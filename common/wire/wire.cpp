@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 
+#include "common/edits/edits.h"
 #include "common/film/layout.h"
 #include "common/job/aov.h"
 #include "common/job/setting_names.h"
@@ -99,6 +100,7 @@ void to_proto(const JobSettings& settings, v1::JobSettings& out) {
   out.set_isa(settings.isa);
   out.set_aovs(settings.aovs);
   out.set_layers(settings.layers);
+  out.set_edits(settings.edits);
 }
 
 void to_proto(const StopRule& stop, v1::StopRule& out) {
@@ -178,6 +180,9 @@ Result<JobSettings> from_proto(const v1::JobSettings& message) {
   const auto layers = letters::parse_layer_request(message.layers());
   if (!layers.ok()) return field_error("settings.layers", layers.error().message);
   settings.layers = text_of(*layers);
+  const auto edits = edits::parse_edits(message.edits());
+  if (!edits.ok()) return field_error("settings.edits", edits.error().to_string());
+  settings.edits = text_of(*edits);
   return settings;
 }
 

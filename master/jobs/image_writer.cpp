@@ -148,6 +148,7 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   m["candela:isa"] = s.isa;
   if (!s.aovs.empty()) m["candela:aovs"] = s.aovs;
   if (!s.layers.empty()) m["candela:expressions"] = s.layers;
+  if (!s.edits.empty()) m["candela:edits"] = s.edits;
   const bool whole = parts.which == Which::both;
   m["candela:iterations"] = std::to_string(whole ? row.iterations_of(film.iterations())
                                                  : merged_in(film, parts.which) / row.per_round());

@@ -55,7 +55,7 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
   // Where the shapes could not be built in place the middle was a guess, and so is this error.
   if (!scene.ok()) return near.ok() ? std::move(scene) : std::move(near);
   Impl& impl = *(*scene)->impl_;
-  impl.offset = far->middle;
+  impl.offset = impl.edits.offset = far->middle;
   for (Bounds box = impl.geometry.bounds; const Vec3d p : {box.low + impl.offset, box.high + impl.offset})
     impl.features.largest_coordinate =
         std::max(impl.features.largest_coordinate,
@@ -86,7 +86,8 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
 
   impl.textures = std::make_unique<TextureStore>(files, options.textures, &impl.geometry);
   SceneBuilder builder(files, impl, options.parameterized);
-  if (options.named) builder.name_objects(root);
+  const bool edited = options.edits != nullptr && !options.edits->list.empty();
+  if (options.named || edited) builder.name_objects(root);
   if (is_meter) builder.measure(*metered[0]);
   // Meshes are read by as many threads as the tree is built by.
   tbb::task_arena arena(static_cast<int>(std::max(1u, options.build_threads)));
@@ -110,6 +111,7 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
       CANDELA_ASSIGN(bsdf, Bsdf::with_strict_normals(std::move(bsdf)));
     }
   }
+  if (edited) CANDELA_TRY(builder.edit(*options.edits));
   CANDELA_TRY(builder.finish_geometry());
   if (is_distant) {
     CANDELA_ASSIGN(impl.sensor, Sensor::build_distant(*sensors[0], files, impl.geometry.bounds,

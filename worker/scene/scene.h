@@ -21,6 +21,7 @@ namespace candela::scene {
 class Lights;
 struct Placement;
 struct SceneObjects;
+struct EditRequest;
 
 class Scene {
  public:
@@ -33,7 +34,8 @@ class Scene {
     // All hits have uv, dp_du and dp_dv, not those alone whose bsdfs read them. Tangent frames follow dp_du
     // then, so that samples of bsdfs differ.
     bool parameterized = false;
-    bool named = false;     // objects() is filled
+    bool named = false;                  // objects() is filled
+    const EditRequest* edits = nullptr;  // null: none; objects() is filled if there are any
     bool in_place = false;  // for measurements: a scene far from the origin stays there (placement.h)
   };
   static Result<std::unique_ptr<Scene>> build(const description::SceneDescription& description,
@@ -139,7 +141,7 @@ class Scene {
                     float film_border = 0) const;
 
   const SceneFeatures& features() const;
-  // Empty unless Options::named.
+  // Empty unless the options ask for it.
   const SceneObjects& objects() const;
   // A point of this scene and this vector make the point in the coordinates of the scene's file: a scene far
   // from the origin is moved to its own middle.

@@ -65,6 +65,7 @@ std::string SceneStore::key(const std::string& bundle_sha256, const JobSettings&
   add(settings.isa);
   add(settings.aovs);
   add(settings.layers);
+  add(settings.edits);
   return text;
 }
 
