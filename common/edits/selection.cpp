@@ -62,7 +62,7 @@ Result<Selection> Selection::compile(const EditList& list, const Edit& edit,
   request.layers = {{std::string(kLayer), fmt::format("{}{}{}", before, edit.select, of_light ? ")E" : ")")}};
   std::vector<std::uint8_t> bits;
   const auto tree = letters::parse_expression(edit.select);
-  if (!tree.ok()) return error_of(edit, tree.error(), 0);
+  if (!tree.ok()) return refusal(edit, "is no expression: " + tree.error().message, "");
   letters::for_each_token(*tree, [&](const letters::Token& token) {
     for (std::size_t r = 0; r < list.regions.size(); ++r)
       if (list.regions[r].name == token.region && std::find(bits.begin(), bits.end(), r) == bits.end()) {

@@ -63,7 +63,7 @@ class Package(unittest.TestCase):
                   "spp": 4, "iterations": 4, "time": "10m", "until": 1e-3, "seed": 1, "size": (2, 3), "filter": "box",
                   "sampler": "sobol", "isa": "avx2", "lenient": True, "aov": ["albedo", "depth"], "indices": "0-3/0-2",
                   "layers": {"a": "LDE"}, "regions": {"b": "sphere:0,0,0,1"}, "glossy_below": 0.2, "light_groups": True,
-                  "partition": True}
+                  "partition": True, "edits": "e.json"}
         self.assertEqual(set(values), set(program.SceneSettings.__annotations__))
         arguments = program.scene_arguments(values)
         self.assertIn("hide_emitters=true", arguments)

@@ -1,7 +1,7 @@
-// Edits of light transport in every integrator that renders them: against quadrature of the definition in a scene of
-// a panel, a floor and a point light, and against light tracing at mirrors, glass and shading normals. Each comparison
-// alarms falsely with probability at most 1e-5 (block_tests.h); there are fewer than 100 of them: the file alarms
-// falsely with probability below 1e-3.
+// Edits of light transport in every integrator that renders them: against quadrature of the definition in a
+// scene of a panel, a floor and a point light, and against light tracing at mirrors, glass and shading
+// normals. Each comparison alarms falsely with probability at most 1e-5 (block_tests.h); there are fewer than
+// 100 of them: the file alarms falsely with probability below 1e-3.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -76,8 +76,13 @@ const std::vector<PanelCase>& panel_cases() {
       {{"highlight", wrapped(kHighlightText)}},
       {{"bleeding", wrapped(kBleedingText)}, false},
       {{"sequence", wrapped(kHighlightText + "," + kBleedingText)}},
-      {{"gather", wrapped(R"({"name": "gather", "direction": "eye", "select": "X{panel}X*E", "source": "sky",
-          "move": {"to": [2.2, 1.8, 2], "normal": [1, 0, 0], "stretch": [1, 1.4, 1.4]}, "tint": [1, 0.5, 0.8]})"),},},
+      {
+          {
+              "gather",
+              wrapped(R"({"name": "gather", "direction": "eye", "select": "X{panel}X*E", "source": "sky",
+          "move": {"to": [2.2, 1.8, 2], "normal": [1, 0, 0], "stretch": [1, 1.4, 1.4]}, "tint": [1, 0.5, 0.8]})"),
+          },
+      },
       {{"both", wrapped(kHighlightText + R"(, {"name": "look", "direction": "eye", "select": "X{panel}X*E",
           "rotate": {"axis": [0, 1, 0], "degrees": 12}})")}},
   };
@@ -109,13 +114,15 @@ double det3(V a, V b, V c) {
   return dot(a, cross(b, c));
 }
 
-// The matrix B of an edit at x, built from what it does to three directions, and its inverse by Cramer's rule.
+// The matrix B of an edit at x, built from what it does to three directions, and its inverse by Cramer's
+// rule.
 struct Matrix {
   V column[3];
   double det() const { return det3(column[0], column[1], column[2]); }
   V solve(V o) const {
     const double d = det();
-    return {det3(o, column[1], column[2]) / d, det3(column[0], o, column[2]) / d, det3(column[0], column[1], o) / d};
+    return {det3(o, column[1], column[2]) / d, det3(column[0], o, column[2]) / d,
+            det3(column[0], column[1], o) / d};
   }
 };
 Matrix matrix_of(const edits::Edit& edit, V x) {
@@ -129,7 +136,9 @@ Matrix matrix_of(const edits::Edit& edit, V x) {
       b.column[i] = v * std::cos(a) + cross(k, v) * std::sin(a) + k * (dot(k, v) * (1 - std::cos(a)));
     } else {
       const auto& l = edit.move->linear;
-      const auto apply = [&](V u) { return V{dot({l[0], l[1], l[2]}, u), dot({l[3], l[4], l[5]}, u), dot({l[6], l[7], l[8]}, u)}; };
+      const auto apply = [&](V u) {
+        return V{dot({l[0], l[1], l[2]}, u), dot({l[3], l[4], l[5]}, u), dot({l[6], l[7], l[8]}, u)};
+      };
       const V d = edit.move->from - x, e = edit.move->to - x, m = edit.move->normal.value_or(d);
       b.column[i] = apply(v) + (e - apply(d)) * (dot(m, v) / dot(m, d));
     }
@@ -171,8 +180,10 @@ std::vector<Term> terms_of(const edits::EditList& list, bool of_light, V x, V g,
       const double l = std::sqrt(dot(back, back));
       const V r = back * (1 / l);
       if (aims_at(region, x, r) && dot(r, g) * dot(t.w, g) > 0)
-        before.push_back({r, t.gamma * std::abs(dot(r, g) / dot(t.w, g)) / (std::abs(b.det()) * l * l * l),
-                          {t.factor[0] * edit.factor[0], t.factor[1] * edit.factor[1], t.factor[2] * edit.factor[2]}});
+        before.push_back(
+            {r,
+             t.gamma * std::abs(dot(r, g) / dot(t.w, g)) / (std::abs(b.det()) * l * l * l),
+             {t.factor[0] * edit.factor[0], t.factor[1] * edit.factor[1], t.factor[2] * edit.factor[2]}});
       if (!aims_at(region, x, t.w)) before.push_back(t);
     }
     terms = before;
@@ -201,7 +212,8 @@ V floor_radiance(const edits::EditList& list, const Lobes& lobes, V y) {
         for (const Term& b : terms_of(list, false, x, g, i)) {
           const V mirrored = g * (2 * dot(b.w, g)) - b.w;
           const double lobe = std::pow(std::max(0.0, dot(mirrored, a.w)), 20);
-          const double f = lobes.diffuse / std::numbers::pi + lobes.specular * 22 / (2 * std::numbers::pi) * lobe;
+          const double f =
+              lobes.diffuse / std::numbers::pi + lobes.specular * 22 / (2 * std::numbers::pi) * lobe;
           for (std::size_t c = 0; c < 3; ++c)
             e[c] += f * a.gamma * b.gamma * a.factor[c] * b.factor[c] * lit * dot(i, g) * geometry;
         }
@@ -222,7 +234,8 @@ Estimator quadrature(const PanelCase& c, const Regions& regions) {
       for (int s = 0; s < kSub * kSub; ++s) {
         const double fx = (column + (s % kSub + 0.5) / kSub) / kSize * 2 - 1,
                      fy = (row + (s / kSub + 0.5) / kSub) / kSize * 2 - 1;
-        sum = sum + floor_radiance(*list, c.glossy ? kGlossyLobes : kMattLobes, {1.7 + half * fx, 2 - half * fy, 0});
+        sum = sum + floor_radiance(*list, c.glossy ? kGlossyLobes : kMattLobes,
+                                   {1.7 + half * fx, 2 - half * fy, 0});
       }
       for (const double v : sum) image.push_back(v / (kSub * kSub));
     }
@@ -253,7 +266,8 @@ Estimator estimator_of(const std::string& integrator, TestScene scene, const std
   scene.settings.edits = edits;
   if (test::integrator_row(integrator).chains)
     return make_chain_estimator(integrator, {scene, way.iterations, 2}, seed, 8, regions);
-  return make_estimator(integrator, {{1, scene}}, {.seed = seed, .batches = 12, .iterations = way.iterations}, regions);
+  return make_estimator(integrator, {{1, scene}}, {.seed = seed, .batches = 12, .iterations = way.iterations},
+                        regions);
 }
 
 void expect_equal(const Estimator& tested, const Estimator& reference, const Regions& regions, double margin,
@@ -305,7 +319,8 @@ struct LobeCase {
   std::string name, shapes, edits;
 };
 const std::vector<LobeCase>& lobe_cases() {
-  static const std::string mirror = panel_shape(R"(<bsdf type="conductor"><string name="material" value="none"/></bsdf>)");
+  static const std::string mirror =
+      panel_shape(R"(<bsdf type="conductor"><string name="material" value="none"/></bsdf>)");
   static const std::string glass =
       R"(<shape type="rectangle" id="pane"><transform name="to_world"><scale value="3"/><translate x="2" y="2" z="1"/></transform>
         <bsdf type="dielectric"/></shape>)";
@@ -315,7 +330,8 @@ const std::vector<LobeCase>& lobe_cases() {
       panel_shape(R"(<bsdf type="plastic"><rgb name="diffuse_reflectance" value="0.7, 0.3, 0.5"/></bsdf>)");
   static const std::vector<LobeCase> all = {
       {"turned_mirror", mirror,
-       wrapped(R"({"name": "a", "direction": "light", "select": "LX*S{panel}", "rotate": {"axis": [0, 1, 0.4], "degrees": 8}})")},
+       wrapped(
+           R"({"name": "a", "direction": "light", "select": "LX*S{panel}", "rotate": {"axis": [0, 1, 0.4], "degrees": 8}})")},
       {"mirror_region", mirror,
        wrapped(R"({"name": "a", "direction": "light", "select": "LX*S{panel}", "source": "gloss",
           "move": {"to": [1.5, 2.7, 0], "normal": [0, 0, 1], "stretch": [1.4, 1.2, 1]}})")},
@@ -329,15 +345,16 @@ const std::vector<LobeCase>& lobe_cases() {
        wrapped(R"({"name": "a", "direction": "light", "select": "LX*G{panel}", "source": "gloss",
           "move": {"to": [1.5, 2.7, 0], "normal": [0, 0, 1]}})")},
       {"mirror_of_two_lobes", coated,
-       wrapped(R"({"name": "a", "direction": "light", "select": "LX*S{panel}", "rotate": {"axis": [0, 1, 0.4], "degrees": 8}})")},
+       wrapped(
+           R"({"name": "a", "direction": "light", "select": "LX*S{panel}", "rotate": {"axis": [0, 1, 0.4], "degrees": 8}})")},
   };
   return all;
 }
 
 class EditedLobes : public testing::TestWithParam<LobeCase> {};
 
-// Claim: at delta lobes, which walks in one direction alone find, and where an edit selects one lobe of two, walks
-// from the eye, from the light and from both agree.
+// Claim: at delta lobes, which walks in one direction alone find, and where an edit selects one lobe of two,
+// walks from the eye, from the light and from both agree.
 TEST_P(EditedLobes, AreTheSameFromBothEnds) {
   const LobeCase& c = GetParam();
   const Regions regions(kSize, kSize, kBlock);
@@ -347,11 +364,14 @@ TEST_P(EditedLobes, AreTheSameFromBothEnds) {
     expect_equal(estimator_of(integrator, scene, c.edits, regions, 9), reference, regions, 0, 0.12);
 }
 
-// Claim: where shading normals differ from the geometric ones it is so, too, for edits of light and of the eye.
+// Claim: where shading normals differ from the geometric ones it is so, too, for edits of light and of the
+// eye.
 TEST(EditedShadingNormals, AreTheSameFromBothEnds) {
-  const std::string panel = R"(<shape type="obj" id="panel"><string name="filename" value="panel.obj"/>)" + kGlossy + "</shape>";
+  const std::string panel =
+      R"(<shape type="obj" id="panel"><string name="filename" value="panel.obj"/>)" + kGlossy + "</shape>";
   const std::string obj =
-      "v 0 0 0.8\nv 0 4 0.8\nv 0 4 2.8\nv 0 0 2.8\nvn 1 0.3 0.2\nvn 1 -0.4 0.1\nvn 1 -0.2 -0.3\nvn 1 0.3 -0.2\n"
+      "v 0 0 0.8\nv 0 4 0.8\nv 0 4 2.8\nv 0 0 2.8\nvn 1 0.3 0.2\nvn 1 -0.4 0.1\nvn 1 -0.2 -0.3\nvn 1 0.3 "
+      "-0.2\n"
       "f 1//1 2//2 3//3\nf 1//1 3//3 4//4\n";
   TestScene scene;
   scene.files = std::make_shared<MemorySource>(
@@ -360,7 +380,8 @@ TEST(EditedShadingNormals, AreTheSameFromBothEnds) {
   scene = read_scene(std::move(scene), kSize, kSize);
   const Regions regions(kSize, kSize, kBlock);
   for (const std::string& edits :
-       {wrapped(kTurnText), wrapped(R"({"name": "gather", "direction": "eye", "select": "X{panel}X*E", "source": "sky",
+       {wrapped(kTurnText),
+        wrapped(R"({"name": "gather", "direction": "eye", "select": "X{panel}X*E", "source": "sky",
           "move": {"to": [2.2, 1.8, 2], "normal": [1, 0, 0], "stretch": [1, 1.4, 1.4]}})")}) {
     const Estimator reference = cached(estimator_of("light", scene, edits, regions, 8));
     for (const char* integrator : {"path", "bdpt"})
@@ -368,16 +389,18 @@ TEST(EditedShadingNormals, AreTheSameFromBothEnds) {
   }
 }
 
-// Claim: light of a constant sky is the same from everywhere: what a plate gathers from one place in place of another
-// does not change its image.
+// Claim: light of a constant sky is the same from everywhere: what a plate gathers from one place in place of
+// another does not change its image.
 TEST(EditedFurnace, IsAsItWas) {
-  const std::string xml = R"(<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="2"/></integrator>
+  const std::string xml =
+      R"(<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="2"/></integrator>
     <sensor type="perspective"><float name="fov" value="30"/>
       <transform name="to_world"><lookat origin="1, 2, 4" target="0, 0, 0" up="0, 1, 0"/></transform></sensor>
     <emitter type="constant"/>
     <shape type="rectangle" id="panel"><transform name="to_world"><scale value="4"/></transform>
       <bsdf type="roughconductor"><float name="alpha" value="0.3"/></bsdf></shape></scene>)";
-  const std::string edits = R"({"regions": {"a": {"sphere": [-1, -1, 3, 1]}}, "edits": [{"name": "a", "direction": "eye",
+  const std::string edits =
+      R"({"regions": {"a": {"sphere": [-1, -1, 3, 1]}}, "edits": [{"name": "a", "direction": "eye",
       "select": "X{panel}X*E", "source": "a", "move": {"to": [1, 1.5, 3], "stretch": [1.3, 1, 1]}}]})";
   const Regions regions(kSize, kSize, kBlock);
   const TestScene scene = scene_from_xml(xml, kSize, kSize);
@@ -390,7 +413,8 @@ std::vector<std::string> able() {
   return {"path", "light", "bdpt", "ppm", "bpm", "vcm", "pssmlt", "mmlt"};
 }
 INSTANTIATE_TEST_SUITE_P(, EditedLight, testing::ValuesIn(able()), [](const auto& one) { return one.param; });
-INSTANTIATE_TEST_SUITE_P(, EditedLobes, testing::ValuesIn(lobe_cases()), [](const auto& one) { return one.param.name; });
+INSTANTIATE_TEST_SUITE_P(, EditedLobes, testing::ValuesIn(lobe_cases()),
+                         [](const auto& one) { return one.param.name; });
 
 }  // namespace
 }  // namespace candela::statistical

@@ -36,6 +36,7 @@ RenderCommand example() {
   c.settings.isa = "avx";
   c.settings.aovs = "albedo:albedo,d:depth";
   c.settings.layers = "layer a=L{my 'key'}[DGSV]*E; region b=box:0,0,0,1,1,1; partition";
+  c.settings.edits = R"({"edits":[{"name":"a","direction":"light","select":"LX*X","tint":[0.5,0.5,0.5]}]})";
   c.indices = "0-31,40/none";
   return c;
 }
@@ -53,6 +54,7 @@ void expect_equal(const RenderCommand& a, const RenderCommand& b) {
   EXPECT_EQ(a.settings.isa, b.settings.isa);
   EXPECT_EQ(a.settings.aovs, b.settings.aovs);
   EXPECT_EQ(a.settings.layers, b.settings.layers);
+  EXPECT_EQ(a.settings.edits, b.settings.edits);
   EXPECT_EQ(a.indices, b.indices);
   EXPECT_EQ(a.half, b.half);
   EXPECT_EQ(a.estimator, b.estimator);
@@ -72,6 +74,7 @@ TEST(RenderCommands, AreReadBack) {
     expect_equal(*back, c);
     c.settings.aovs.clear();
     c.settings.layers.clear();
+    c.settings.edits.clear();
     c.half = "B";
     c.estimator = "plain";
     c.error_layer = c.chain_layers = true;

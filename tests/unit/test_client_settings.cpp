@@ -9,6 +9,7 @@
 
 #include "client/context.h"
 #include "client/settings.h"
+#include "tests/temporary_folder.h"
 
 namespace candela::client {
 namespace {
@@ -131,6 +132,36 @@ TEST(Settings, AovsOfSceneAndCommandLine) {
   EXPECT_EQ(aovs("dd:depth", "normal,a:albedo"), "normal:sh_normal,a:albedo");
   EXPECT_EQ(aovs("dd:depth", "none"), "");
   EXPECT_TRUE(aovs("", "depth,x").starts_with("--aov: there is no AOV 'x'")) << aovs("", "depth,x");
+}
+
+// Claim: edits are read from a file or as JSON, and stored on one line; faults name the file or the option,
+// and names are those of the scene.
+TEST(Settings, EditsAreReadAndChecked) {
+  const auto edits = [](const std::optional<std::string>& given) {
+    SceneOptions options;
+    options.edits = given;
+    const auto job = TestScene().prepare(options);
+    return job.ok() ? job->settings.edits : job.error().to_string();
+  };
+  const std::string text =
+      R"({"edits":[{"name":"a","direction":"light","select":"LX*X","tint":[0.5,0.5,0.5]}]})";
+  EXPECT_EQ(edits({}), "");
+  EXPECT_EQ(edits("none"), "");
+  EXPECT_EQ(edits(text), text);
+  const test::TemporaryFolder folder;
+  const std::string path = (folder.path() / "e.json").string();
+  std::ofstream(path)
+      << R"({ "edits": [ {"name": "a", "direction": "light", "select": "LX*X", "scale": 0.5} ] })";
+  EXPECT_EQ(edits(path), text);
+  std::ofstream(path) << "{";
+  EXPECT_TRUE(edits(path).starts_with(path)) << edits(path);
+  EXPECT_NE(edits((folder.path() / "none.json").string()).find("none.json"), std::string::npos);
+  EXPECT_TRUE(edits(R"({"edits": [{}]})").starts_with("--edits: edits[0].name"))
+      << edits(R"({"edits": [{}]})");
+  const std::string unknown =
+      R"({"edits":[{"name":"a","direction":"light","select":"LX*X{nobody}","scale":0.5}]})";
+  EXPECT_NE(edits(unknown).find("edit 'a', column 4: no surface is called 'nobody'"), std::string::npos)
+      << edits(unknown);
 }
 
 // Claim: the scene's layers count unless the command line names some, or none; regions and flags of the

@@ -38,24 +38,27 @@ struct Case {
 
 std::unique_ptr<Edited> make(const Case& c) {
   auto e = std::make_unique<Edited>();
-  const test::TextFiles text({{"scene.xml", fmt::format("<scene version='3.0.0'><sensor type='perspective'/><shape "
-                                                        "type='sphere'>{}</shape></scene>",
-                                                        c.bsdf)}});
+  const test::TextFiles text(
+      {{"scene.xml", fmt::format("<scene version='3.0.0'><sensor type='perspective'/><shape "
+                                 "type='sphere'>{}</shape></scene>",
+                                 c.bsdf)}});
   const auto parsed = description::parse_scene(text, "scene.xml", {});
   EXPECT_TRUE(parsed.ok());
   auto built = Bsdf::build(*parsed->scene->children_of("shape")[0]->children_of("bsdf").at(0), e->textures);
   EXPECT_TRUE(built.ok());
   e->bsdfs.push_back(*std::move(built));
   const auto list = edits::parse_edits(R"({"regions": {"up": {"sphere": [1.2, 0.4, 1.1, 0.6]},
-      "side": {"box": [-2, -1, 0.3, -0.7, 1, 1.5]}}, "edits": [)" + c.edits + "]}");
+      "side": {"box": [-2, -1, 0.3, -0.7, 1, 1.5]}}, "edits": [)" +
+                                       c.edits + "]}");
   EXPECT_TRUE(list.ok()) << list.error().to_string();
   e->list = *list;
   for (const edits::Edit& edit : e->list.edits)
-    e->scene.edits.push_back({.of_light = edit.direction == edits::Edit::Direction::light,
-                              .map = direction_map(edit),
-                              .cone = cone_of(e->list, edit),
-                              .factor = {static_cast<float>(edit.factor[0]), static_cast<float>(edit.factor[1]),
-                                         static_cast<float>(edit.factor[2])}});
+    e->scene.edits.push_back(
+        {.of_light = edit.direction == edits::Edit::Direction::light,
+         .map = direction_map(edit),
+         .cone = cone_of(e->list, edit),
+         .factor = {static_cast<float>(edit.factor[0]), static_cast<float>(edit.factor[1]),
+                    static_cast<float>(edit.factor[2])}});
   SurfaceEdits surface;
   surface.scene = &e->scene;
   surface.by_regions.resize(1);
@@ -94,7 +97,9 @@ struct At {
   float correction(Vec3 wo, Vec3 wi) const {
     return transport::shading_correction(e.hit, e.hit.shading.to_world(wo), e.hit.shading.to_world(wi));
   }
-  double geometric(Vec3 w) const { return std::abs(static_cast<double>(dot(e.hit.shading.to_world(w), e.hit.ng))); }
+  double geometric(Vec3 w) const {
+    return std::abs(static_cast<double>(dot(e.hit.shading.to_world(w), e.hit.ng)));
+  }
 };
 
 // ---- the definition ----
@@ -109,7 +114,8 @@ bool sent(const Edited& e, bool of_light, Vec3 local, Vec3& out, Spectrum& facto
     if (!contains(cone_of(e.list, edit), x, normalize(w))) continue;
     Vec3d o = w;
     if (edit.rotate) {
-      const Vec3d axis{edit.rotate->axis[0], edit.rotate->axis[1], edit.rotate->axis[2]}, u = axis / length(axis);
+      const Vec3d axis{edit.rotate->axis[0], edit.rotate->axis[1], edit.rotate->axis[2]},
+          u = axis / length(axis);
       const double a = edit.rotate->degrees * std::numbers::pi / 180;
       o = w * std::cos(a) + cross(u, w) * std::sin(a) + u * (dot(u, w) * (1 - std::cos(a)));
     } else if (edit.move) {
@@ -118,7 +124,8 @@ bool sent(const Edited& e, bool of_light, Vec3 local, Vec3& out, Spectrum& facto
       const double t = dot(m, from - x) / dot(m, w);
       const Vec3d y = x + w * t - from;
       const auto& l = edit.move->linear;
-      const Vec3d image = vec(edit.move->to) + Vec3d{l[0] * y.x + l[1] * y.y + l[2] * y.z, l[3] * y.x + l[4] * y.y + l[5] * y.z,
+      const Vec3d image = vec(edit.move->to) + Vec3d{l[0] * y.x + l[1] * y.y + l[2] * y.z,
+                                                     l[3] * y.x + l[4] * y.y + l[5] * y.z,
                                                      l[6] * y.x + l[7] * y.y + l[8] * y.z};
       o = normalize(image - x) * (t < 0 ? -1.0 : 1.0);
     }
@@ -143,7 +150,8 @@ struct Sums {
   double pdf = 0, lost = 0;
   void add(Vec3 w, double v, double p, double area) {
     const auto t = tests_of(w);
-    for (int i = 0; i < kTests; ++i) value[static_cast<std::size_t>(i)] += v * t[static_cast<std::size_t>(i)] * area;
+    for (int i = 0; i < kTests; ++i)
+      value[static_cast<std::size_t>(i)] += v * t[static_cast<std::size_t>(i)] * area;
     pdf += p * area;
   }
 };
@@ -159,10 +167,12 @@ void over_sphere(const std::function<void(Vec3, double)>& visit) {
     }
 }
 
-const std::string kDiffuse = "<bsdf type='twosided'><bsdf type='diffuse'><rgb name='reflectance' value='0.8'/></bsdf></bsdf>";
+const std::string kDiffuse =
+    "<bsdf type='twosided'><bsdf type='diffuse'><rgb name='reflectance' value='0.8'/></bsdf></bsdf>";
 const std::string kRough = "<bsdf type='roughconductor'><float name='alpha' value='0.35'/></bsdf>";
 const std::string kPlastic =
-    "<bsdf type='roughplastic'><float name='alpha' value='0.25'/><rgb name='diffuse_reflectance' value='0.6'/></bsdf>";
+    "<bsdf type='roughplastic'><float name='alpha' value='0.25'/><rgb name='diffuse_reflectance' "
+    "value='0.6'/></bsdf>";
 const std::string kGlass = "<bsdf type='roughdielectric'><float name='alpha' value='0.4'/></bsdf>";
 
 const std::string kTurn =
@@ -179,7 +189,8 @@ const std::string kSecond =
 const std::string kGather =
     R"({"name": "gather", "direction": "eye", "select": "XX*E", "source": "side", "move": {"to": [1, -0.6, 1.2],
         "normal": [1, 0, 0.4]}})";
-const std::string kTint = R"({"name": "tint", "direction": "light", "select": "LX*X", "source": "up", "scale": 0.25})";
+const std::string kTint =
+    R"({"name": "tint", "direction": "light", "select": "LX*X", "source": "up", "scale": 0.25})";
 
 const std::vector<Case>& cases() {
   static const std::vector<Case> all = {
@@ -205,13 +216,15 @@ const std::vector<Case>& cases() {
   return all;
 }
 std::vector<Vec3> directions_from() {
-  return {normalize(Vec3{0.3f, -0.2f, 1}), normalize(Vec3{-0.9f, 0.4f, 0.5f}), normalize(Vec3{0.7f, 0.8f, 0.35f})};
+  return {normalize(Vec3{0.3f, -0.2f, 1}), normalize(Vec3{-0.9f, 0.4f, 0.5f}),
+          normalize(Vec3{0.7f, 0.8f, 0.35f})};
 }
 
 class EditedClosures : public testing::TestWithParam<Case> {};
 
-// Claim: what an edited surface scatters, from any direction, is what the plain one scatters, turned direction by
-// direction: as a walk from the light sees it for edits of light, and as one from the eye does for the others.
+// Claim: what an edited surface scatters, from any direction, is what the plain one scatters, turned
+// direction by direction: as a walk from the light sees it for edits of light, and as one from the eye does
+// for the others.
 TEST_P(EditedClosures, ScatterWhatTheDefinitionTurns) {
   const Case& c = GetParam();
   const auto e = make(c);
@@ -241,7 +254,8 @@ TEST_P(EditedClosures, ScatterWhatTheDefinitionTurns) {
           turned.add(o, static_cast<double>(moved * factor.r), 0, area);
       });
       for (std::size_t i = 0; i < kTests; ++i)
-        EXPECT_NEAR(edited.value[i], turned.value[i], 0.006 * turned.value[0] + 0.01 * turned.value[i]) << c.name << " " << i;
+        EXPECT_NEAR(edited.value[i], turned.value[i], 0.006 * turned.value[0] + 0.01 * turned.value[i])
+            << c.name << " " << i;
       EXPECT_GT(turned.value[0], 0.1);
     }
   }
@@ -271,8 +285,9 @@ TEST_P(EditedClosures, AreOneBsdfInBothModes) {
   EXPECT_GT(compared, 100);
 }
 
-// Claim: samples of an edited surface have the density that it tells, in both modes, and weights that bring its
-// value: sums over samples are the integrals. Fails by chance with probability below 1e-5 for each of the 640 sums.
+// Claim: samples of an edited surface have the density that it tells, in both modes, and weights that bring
+// its value: sums over samples are the integrals. Fails by chance with probability below 1e-5 for each of the
+// 640 sums.
 TEST_P(EditedClosures, DrawWhatTheyTell) {
   const Case& c = GetParam();
   const auto e = make(c);
@@ -307,7 +322,8 @@ TEST_P(EditedClosures, DrawWhatTheyTell) {
         }
       }
       const double fraction = drawn / kSamples;
-      EXPECT_NEAR(fraction, exact.pdf, 4.5 * std::sqrt(fraction * (1 - fraction) / kSamples) + 6e-3) << c.name;
+      EXPECT_NEAR(fraction, exact.pdf, 4.5 * std::sqrt(fraction * (1 - fraction) / kSamples) + 6e-3)
+          << c.name;
       for (std::size_t k = 0; k < kTests; ++k)
         EXPECT_NEAR(mean[k], exact.value[k],
                     4.5 * std::sqrt((squares[k] - mean[k] * mean[k]) / kSamples) + 6e-3 * exact.value[0])
@@ -315,22 +331,26 @@ TEST_P(EditedClosures, DrawWhatTheyTell) {
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(, EditedClosures, testing::ValuesIn(cases()), [](const auto& one) { return one.param.name; });
+INSTANTIATE_TEST_SUITE_P(, EditedClosures, testing::ValuesIn(cases()),
+                         [](const auto& one) { return one.param.name; });
 
 // ---- branches ----
 
-// Claim: a direction of the target alone was reached by light that was moved and by light that always went there; one
-// of the source alone by none; one of both by the moved; one of neither by the original. Each is one term.
+// Claim: a direction of the target alone was reached by light that was moved and by light that always went
+// there; one of the source alone by none; one of both by the moved; one of neither by the original. Each is
+// one term.
 TEST(EditBranches, AreMovedAndOriginalLight) {
   // Turned about the normal by 90 degrees, from a cone around +x to one around +y.
-  const Case c{"", kDiffuse,
-               R"({"name": "a", "direction": "light", "select": "LX*X", "source": "cone", "rotate": {"axis": [0, 0, 1], "degrees": 90}})"};
+  const Case c{
+      "", kDiffuse,
+      R"({"name": "a", "direction": "light", "select": "LX*X", "source": "cone", "rotate": {"axis": [0, 0, 1], "degrees": 90}})"};
   auto e = std::make_unique<Edited>();
   e = make({"", kDiffuse, kTurn});
   e->hit.shading = make_frame({0, 0, 1});
   e->hit.ng = {0, 0, 1};
   e->hit.p = {0, 0, 0};
-  const auto list = edits::parse_edits(R"({"regions": {"cone": {"sphere": [1, 0, 1, 0.3]}}, "edits": [)" + c.edits + "]}");
+  const auto list =
+      edits::parse_edits(R"({"regions": {"cone": {"sphere": [1, 0, 1, 0.3]}}, "edits": [)" + c.edits + "]}");
   ASSERT_TRUE(list.ok()) << list.error().to_string();
   e->scene.edits[0].map = direction_map(list->edits[0]);
   e->scene.edits[0].cone = cone_of(*list, list->edits[0]);
@@ -361,7 +381,8 @@ std::vector<DeltaOutcome> outcomes(const Closure& closure, Vec3 wo, TransportMod
   std::vector<DeltaOutcome> found;
   for (int i = 0; i < kTries; ++i) {
     BsdfSample s;
-    if (!closure.sample(wo, (static_cast<float>(i) + 0.5f) / kTries, {0.5f, 0.5f}, mode, s) || !s.delta) continue;
+    if (!closure.sample(wo, (static_cast<float>(i) + 0.5f) / kTries, {0.5f, 0.5f}, mode, s) || !s.delta)
+      continue;
     bool known = false;
     for (DeltaOutcome& o : found)
       if (dot(o.s.wi, s.wi) > 1 - 1e-6f && std::abs(o.s.prob - s.prob) < 1e-5f) {
@@ -374,13 +395,14 @@ std::vector<DeltaOutcome> outcomes(const Closure& closure, Vec3 wo, TransportMod
   return found;
 }
 
-// Claim: at mirrors and glass a walk from the light and the walk back carry the same light, by the change of solid
-// angle that differences show; probabilities are what numbers bring, and the probability that one walk tells of the
-// other is the other's own.
+// Claim: at mirrors and glass a walk from the light and the walk back carry the same light, by the change of
+// solid angle that differences show; probabilities are what numbers bring, and the probability that one walk
+// tells of the other is the other's own.
 TEST(EditedDeltaLobes, AreTheSameFromBothSides) {
   for (const std::string& bsdf :
        {std::string("<bsdf type='conductor'/>"), std::string("<bsdf type='dielectric'/>")})
-    for (const std::string& edits : {kTurn, kMove, kHighlight, kHighlight + "," + kSecond, kGather, kGather + "," + kMove})
+    for (const std::string& edits :
+         {kTurn, kMove, kHighlight, kHighlight + "," + kSecond, kGather, kGather + "," + kMove})
       for (const bool bumpy : {false, true}) {
         const auto e = make({"", bsdf, edits, bumpy});
         rng::Stream stream(rng::key(5));
@@ -405,8 +427,10 @@ TEST(EditedDeltaLobes, AreTheSameFromBothSides) {
               return false;
             };
             Vec3 a, b, p, q;
-            if (!sent_from(normalize(from + around.s * h), a) || !sent_from(normalize(from - around.s * h), b) ||
-                !sent_from(normalize(from + around.t * h), p) || !sent_from(normalize(from - around.t * h), q))
+            if (!sent_from(normalize(from + around.s * h), a) ||
+                !sent_from(normalize(from - around.s * h), b) ||
+                !sent_from(normalize(from + around.t * h), p) ||
+                !sent_from(normalize(from - around.t * h), q))
               continue;
             const double stretched =
                 static_cast<double>(length(cross((a - b) * (1 / (2 * h)), (p - q) * (1 / (2 * h)))));

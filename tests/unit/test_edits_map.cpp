@@ -64,8 +64,8 @@ Long defined(const edits::Edit& edit, Long x, Long w) {
   return normalize((image - x) * (t < 0 ? -1.0L : 1.0L));
 }
 
-// Claim: M sends the direction to a point of the plane to that to its image, a rotation turns as Rodrigues says;
-// R undoes it; J is the change of solid angle, by differences of the definition.
+// Claim: M sends the direction to a point of the plane to that to its image, a rotation turns as Rodrigues
+// says; R undoes it; J is the change of solid angle, by differences of the definition.
 TEST(DirectionMaps, AreWhatTheyAreDefinedAs) {
   rng::Stream stream(rng::key(1));
   int regular = 0;
@@ -87,7 +87,8 @@ TEST(DirectionMaps, AreWhatTheyAreDefinedAs) {
     EXPECT_LT(length(back - w), 1e-12 * magnified) << i;
     // The area that a square of side h about w has after the map.
     const long double h = 1e-6L;
-    const Long u = normalize(cross(Long(w), std::abs(w.x) < 0.5 ? Long{1, 0, 0} : Long{0, 1, 0})), v = cross(Long(w), u);
+    const Long u = normalize(cross(Long(w), std::abs(w.x) < 0.5 ? Long{1, 0, 0} : Long{0, 1, 0})),
+               v = cross(Long(w), u);
     const auto moved = [&](Long a) { return defined(edit, Long(x), normalize(Long(w) + a * h)); };
     const Long du = (moved(u) - moved(-u)) / (2 * h), dv = (moved(v) - moved(-v)) / (2 * h);
     const auto area = static_cast<double>(length(cross(du, dv)));
@@ -106,7 +107,8 @@ TEST(DirectionMaps, JacobiansOfInversesCancel) {
     edits::Edit back = edit;
     std::swap(back.move->from, back.move->to);
     for (std::size_t r = 0; r < 3; ++r)
-      for (int c = 0; c < 3; ++c) back.move->linear[3 * r + static_cast<std::size_t>(c)] = map.inverse.rows[r][c];
+      for (int c = 0; c < 3; ++c)
+        back.move->linear[3 * r + static_cast<std::size_t>(c)] = map.inverse.rows[r][c];
     // The normal of the plane's image.
     const Vec3d m = map.normal;
     Vec3d n;
@@ -138,8 +140,8 @@ TEST(DirectionMaps, AreSingularInTheirPlanes) {
   EXPECT_TRUE(at.set(facing, {0, 0, 0.1}));
 }
 
-// Claim: the cone of a region is the directions whose rays pass through it: those of points inside are in it, and
-// rays whose every point is outside are not.
+// Claim: the cone of a region is the directions whose rays pass through it: those of points inside are in it,
+// and rays whose every point is outside are not.
 TEST(Cones, AreRaysThroughRegions) {
   rng::Stream stream(rng::key(3));
   int met = 0, missed = 0;

@@ -53,8 +53,9 @@ TEST(EditText, IsReadAndWritten) {
 
 // Claim: edits that change nothing are not there; an edit that does anything is.
 TEST(EditText, LosesWhatChangesNothing) {
-  for (const char* same : {"", R"(, "scale": 1)", R"(, "rotate": {"axis": [1, 0, 0], "degrees": 0})",
-                           R"(, "move": {"from": [1, 2, 3], "to": [1, 2, 3]})", R"(, "source": "r", "move": {})"})
+  for (const char* same :
+       {"", R"(, "scale": 1)", R"(, "rotate": {"axis": [1, 0, 0], "degrees": 0})",
+        R"(, "move": {"from": [1, 2, 3], "to": [1, 2, 3]})", R"(, "source": "r", "move": {})"})
     EXPECT_EQ(text_of(*parse_edits(edit(same))), "") << same;
   for (const char* other : {R"(, "scale": 0.99)", R"(, "rotate": {"axis": [1, 0, 0], "degrees": 1e-9})",
                             R"(, "move": {"from": [1, 2, 3], "to": [1, 2, 3.001]})",
@@ -105,7 +106,8 @@ TEST(EditText, NamesTheKeyOfAFault) {
   EXPECT_NE(error_of(many + "]}").find("edits[16]"), std::string::npos) << error_of(many + "]}");
 }
 
-// Claim: integrators that do not render edits refuse them, and so does a job whose light may grow without end.
+// Claim: integrators that do not render edits refuse them, and so does a job whose light may grow without
+// end.
 TEST(EditText, IsRefusedByIntegrators) {
   const EditList list = *parse_edits(kWhole), bright = *parse_edits(edit(R"(, "scale": 2)")),
                  dim = *parse_edits(edit(R"(, "scale": 0.5)"));
@@ -193,7 +195,7 @@ TEST(EditSelection, IsThatOfTheVertex) {
     EXPECT_FALSE(mirror.selects(Letter::specular, Side::transmitted, 2, 0));
     EXPECT_FALSE(mirror.selects(Letter::specular, Side::reflected, 1, 0));
     EXPECT_FALSE(mirror.selects(Letter::glossy, Side::reflected, 2, 0));
-    const Selection far = on("[DG]@far ");
+    const Selection far = on("[D@far G@far ]");
     EXPECT_TRUE(far.selects(Letter::diffuse, Side::reflected, 1, 2));
     EXPECT_TRUE(far.selects(Letter::glossy, Side::transmitted, 2, 3));
     EXPECT_FALSE(far.selects(Letter::diffuse, Side::reflected, 1, 1));
@@ -204,7 +206,8 @@ TEST(EditSelection, IsThatOfTheVertex) {
   EXPECT_TRUE(select("LX*D|LX*G", true).ok());
 }
 
-// Claim: what depends on other vertices, media, lamps or the wrong end is refused, and the error says how to write it.
+// Claim: what depends on other vertices, media, lamps or the wrong end is refused, and the error says how to
+// write it.
 TEST(EditSelection, RefusesTheRestOfThePath) {
   const auto error = [](const std::string& expression, bool of_light, const Objects& objects = {}) {
     const auto selection = select(expression, of_light, objects);
@@ -214,13 +217,17 @@ TEST(EditSelection, RefusesTheRestOfThePath) {
     EXPECT_NE(error(expression, true).find("more of the path"), std::string::npos)
         << expression << ": " << error(expression, true);
   for (const char* expression : {"SDE", "SE", "XSX*E"})
-    EXPECT_NE(error(expression, false).find("more of the path"), std::string::npos) << error(expression, false);
+    EXPECT_NE(error(expression, false).find("more of the path"), std::string::npos)
+        << error(expression, false);
   for (const char* expression : {"SX*E", "LX*SE", "LX*E"})
-    EXPECT_NE(error(expression, true).find("selects no vertex"), std::string::npos) << error(expression, true);
+    EXPECT_NE(error(expression, true).find("selects no vertex"), std::string::npos)
+        << error(expression, true);
   EXPECT_NE(error("LX*S", false).find("ends with E"), std::string::npos) << error("LX*S", false);
-  EXPECT_NE(error("LX*S{mirro}", true).find("edit 'a', column 4: no surface is called 'mirro'"), std::string::npos)
+  EXPECT_NE(error("LX*S{mirro}", true).find("edit 'a', column 4: no surface is called 'mirro'"),
+            std::string::npos)
       << error("LX*S{mirro}", true);
-  EXPECT_NE(error("S{mirro}X*E", false).find("edit 'a', column 1: no surface is called 'mirro'"), std::string::npos)
+  EXPECT_NE(error("S{mirro}X*E", false).find("edit 'a', column 1: no surface is called 'mirro'"),
+            std::string::npos)
       << error("S{mirro}X*E", false);
   Objects fog;
   fog.names.push_back({"fog"});

@@ -26,6 +26,7 @@ JobSettings sample_settings() {
   settings.isa = "avx2";
   settings.aovs = "d:depth";
   settings.layers = "layer a=L{key; 1}X@r E; region r=box:0,0,0,1,1,1; partition";
+  settings.edits = R"({"edits":[{"name":"a","direction":"light","select":"LX*X","tint":[0.5,0.5,0.5]}]})";
   return settings;
 }
 
@@ -55,6 +56,7 @@ TEST(WireMessages, SettingsRoundTrip) {
   EXPECT_EQ(back->isa, settings.isa);
   EXPECT_EQ(back->aovs, settings.aovs);
   EXPECT_EQ(back->layers, settings.layers);
+  EXPECT_EQ(back->edits, settings.edits);
 }
 
 // Claim: each bad value of each settings field is refused as input, by an error that names that field.
@@ -95,6 +97,8 @@ TEST(WireMessages, BadSettingsNameTheirField) {
       {"settings.layers", [](auto& m) { m.set_layers("layer a=L(E"); }},
       {"settings.layers", [](auto& m) { m.set_layers("layer a=LX@r E"); }},
       {"settings.layers", [](auto& m) { m.set_layers(std::string(16385, ' ')); }},
+      {"settings.edits", [](auto& m) { m.set_edits("{"); }},
+      {"settings.edits", [](auto& m) { m.set_edits(std::string(16385, ' ')); }},
   };
   for (const Case& c : cases) {
     v1::JobSettings message = sample_settings_message();

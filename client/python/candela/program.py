@@ -38,6 +38,7 @@ class SceneSettings(TypedDict, total=False):
     glossy_below: float
     light_groups: bool
     partition: bool
+    edits: str  # a file of edits of light transport, or its JSON
     lenient: bool  # warn of unknown parameters of the scene, and go on
 
 
