@@ -158,7 +158,7 @@ struct Sums {
 
 // Over the sphere, by midpoints; fine enough for lobes of alpha 0.3 and the rims of cones.
 void over_sphere(const std::function<void(Vec3, double)>& visit) {
-  constexpr int kRows = 360, kColumns = 480;
+  constexpr int kRows = 200, kColumns = 240;
   for (int r = 0; r < kRows; ++r)
     for (int c = 0; c < kColumns; ++c) {
       const double z = -1 + (2 * r + 1.0) / kRows, phi = 2 * std::numbers::pi * (c + 0.5) / kColumns,
@@ -216,8 +216,7 @@ const std::vector<Case>& cases() {
   return all;
 }
 std::vector<Vec3> directions_from() {
-  return {normalize(Vec3{0.3f, -0.2f, 1}), normalize(Vec3{-0.9f, 0.4f, 0.5f}),
-          normalize(Vec3{0.7f, 0.8f, 0.35f})};
+  return {normalize(Vec3{0.3f, -0.2f, 1}), normalize(Vec3{-0.9f, 0.6f, 0.45f})};
 }
 
 class EditedClosures : public testing::TestWithParam<Case> {};
@@ -276,8 +275,6 @@ TEST_P(EditedClosures, AreOneBsdfInBothModes) {
     const double a = static_cast<double>(from_eye.g) * eye.geometric(o),
                  b = static_cast<double>(from_light.g) * eye.geometric(l);
     if (a == 0 && b == 0) continue;
-    // Refraction scales radiance by the squared index.
-    if (dot(o, e->hit.shading.to_local(e->hit.ng)) * dot(l, e->hit.shading.to_local(e->hit.ng)) < 0) continue;
     ++compared;
     largest = std::max(largest, std::abs(a - b) / (a + b + 1e-4));
     EXPECT_NEAR(a, b, 2e-3 * (a + b) + 1e-5) << i;
@@ -291,14 +288,14 @@ TEST_P(EditedClosures, AreOneBsdfInBothModes) {
 TEST_P(EditedClosures, DrawWhatTheyTell) {
   const Case& c = GetParam();
   const auto e = make(c);
-  constexpr int kSamples = 20000;
+  constexpr int kSamples = 8000;
   for (const TransportMode mode : {kRadiance, kImportance})
     for (const Vec3 wo : directions_from()) {
       const At at(*e, wo);
       Sums exact;
       over_sphere([&](Vec3 w, double area) {
         float pdf = 0;
-        const Spectrum v = at.edited.eval_pdf(wo, w, mode, pdf);
+        const Spectrum v = at.value(at.edited, wo, w, mode, pdf);
         exact.add(w, static_cast<double>(v.r), static_cast<double>(pdf), area);
       });
       rng::Stream stream(rng::key(31));
@@ -315,8 +312,9 @@ TEST_P(EditedClosures, DrawWhatTheyTell) {
         EXPECT_NEAR(pdf / s.pdf_solid_angle, 1, 2e-3);
         EXPECT_NEAR(s.weight.r * s.pdf_solid_angle, value.r, 4e-3f * value.r + 1e-5f);
         const auto t = tests_of(s.wi);
+        const float correct = mode == kRadiance ? 1.0f : at.correction(wo, s.wi);
         for (std::size_t k = 0; k < kTests; ++k) {
-          const double x = static_cast<double>(s.weight.r) * t[k];
+          const double x = static_cast<double>(s.weight.r * correct) * t[k];
           mean[k] += x / kSamples;
           squares[k] += x * x / kSamples;
         }
@@ -325,8 +323,9 @@ TEST_P(EditedClosures, DrawWhatTheyTell) {
       EXPECT_NEAR(fraction, exact.pdf, 4.5 * std::sqrt(fraction * (1 - fraction) / kSamples) + 6e-3)
           << c.name;
       for (std::size_t k = 0; k < kTests; ++k)
-        EXPECT_NEAR(mean[k], exact.value[k],
-                    4.5 * std::sqrt((squares[k] - mean[k] * mean[k]) / kSamples) + 6e-3 * exact.value[0])
+        EXPECT_NEAR(
+            mean[k], exact.value[k],
+            4.5 * std::sqrt(std::max(0.0, squares[k] - mean[k] * mean[k]) / kSamples) + 6e-3 * exact.value[0])
             << c.name << " " << k << " mode " << static_cast<int>(mode);
     }
 }
@@ -377,7 +376,7 @@ struct DeltaOutcome {
 };
 // What sample() may do, by trying u_lobe throughout.
 std::vector<DeltaOutcome> outcomes(const Closure& closure, Vec3 wo, TransportMode mode) {
-  constexpr int kTries = 1200;
+  constexpr int kTries = 360;
   std::vector<DeltaOutcome> found;
   for (int i = 0; i < kTries; ++i) {
     BsdfSample s;
@@ -407,13 +406,13 @@ TEST(EditedDeltaLobes, AreTheSameFromBothSides) {
         const auto e = make({"", bsdf, edits, bumpy});
         rng::Stream stream(rng::key(5));
         int compared = 0;
-        for (int i = 0; i < 60; ++i) {
+        for (int i = 0; i < 24; ++i) {
           Vec3 from = test::uniform_direction(stream);
           if (bsdf.find("dielectric") == std::string::npos) from.z = std::abs(from.z);
           const At light(*e, from);
           for (const DeltaOutcome& there : outcomes(light.edited, from, kImportance)) {
             const Vec3 to = there.s.wi;
-            EXPECT_NEAR(there.share, static_cast<double>(there.s.prob), 0.004);
+            EXPECT_NEAR(there.share, static_cast<double>(there.s.prob), 0.009);
             // The same outcome of directions beside `from`: how it stretches the solid angle.
             const Frame around = make_frame(from);
             const float h = 4e-3f;
@@ -447,19 +446,20 @@ TEST(EditedDeltaLobes, AreTheSameFromBothSides) {
             const double forward = static_cast<double>(there.s.weight.g * there.s.prob) *
                                    static_cast<double>(light.correction(from, to)),
                          backward = static_cast<double>(back->s.weight.g * back->s.prob);
-            // f |o.g| |i.g|, seen from both; radiance is scaled by the squared index.
+            // f |o.g| |i.g|, seen from both.
             const double seen_from_light = forward * cos_from, seen_from_eye = backward * cos_to * stretched;
-            EXPECT_NEAR(seen_from_eye / seen_from_light * eta2, 1, 0.03) << bsdf << edits << bumpy;
+            EXPECT_NEAR(seen_from_eye / seen_from_light, 1, 0.03) << bsdf << edits << bumpy;
             // Densities: what Walk::scatter makes of them.
             const double told = static_cast<double>(there.s.prob_reverse) / eta2 * cos_from / cos_to,
                          told_back = static_cast<double>(back->s.prob_reverse) * eta2 * cos_to / cos_from;
             EXPECT_NEAR(told * told_back / static_cast<double>(there.s.prob * back->s.prob), 1, 1e-3)
                 << bsdf << edits << bumpy;
-            if (!bumpy)
+            if (!bumpy) {
               EXPECT_NEAR(told / (static_cast<double>(back->s.prob) * stretched), 1, 0.03) << bsdf << edits;
+            }
           }
         }
-        EXPECT_GT(compared, 10) << bsdf << edits << bumpy;
+        EXPECT_GT(compared, 5) << bsdf << edits << bumpy;
       }
 }
 
