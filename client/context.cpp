@@ -69,6 +69,9 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
   add_text(app, "--seed", options.seed, "Seed; default: that of the scene's sampler, else 0", "N");
   add_text(app, "--size", options.size,
            "Size of the image in pixels; default: the scene's film, or its crop window", "WxH");
+  add_text(app, "--crop", options.crop,
+           "Render this part of the image alone: left, top, width and height in pixels of the whole image",
+           "X,Y,W,H");
   add_text(app, "--filter", options.filter,
            "Pixel filter: box, tent, gaussian, mitchell, catmullrom or lanczos; default: the scene's rfilter",
            "NAME");
@@ -92,6 +95,11 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
   app.add_flag("--light-groups", options.light_groups, "Add a layer light.NAME for each lamp");
   app.add_flag("--partition", options.partition,
                "Refuse layers unless each path matches exactly one: they then add up to the image");
+  add_text(app, "--edits", options.edits,
+           "Edit how light travels, as a file of JSON says: move, turn or tint what chosen surfaces scatter; "
+           "none: no "
+           "edits (the default)",
+           "FILE");
   add_text(app, "--scene-memory", options.scene_memory,
            "Maximum memory for reading the scene, such as 500M or 20G; default: half of the memory", "SIZE");
   add_text(app, "--isa", options.isa,

@@ -86,10 +86,21 @@ Result<void> check_output(const ImageOutput& output) {
 }
 
 Result<void> write_images(const ImageOutput& output, const std::string& exr_bytes) {
-  if (!output.exr.empty()) CANDELA_TRY(write_file_atomically(output.exr, exr_bytes));
+  if (!output.denoiser) {
+    if (!output.exr.empty()) CANDELA_TRY(write_file_atomically(output.exr, exr_bytes));
+    if (output.png.empty()) return {};
+    CANDELA_ASSIGN(const image::Image image, image::decode_exr(exr_bytes));
+    CANDELA_ASSIGN(const std::string png, image::encode_png(image));
+    return write_file_atomically(output.png, png);
+  }
+  auto denoised = image::denoise_exr(exr_bytes, *output.denoiser);
+  if (!output.exr.empty())
+    CANDELA_TRY(write_file_atomically(output.exr, denoised.ok() ? denoised->bytes : exr_bytes));
+  if (!denoised.ok()) return std::move(denoised).error();
   if (output.png.empty()) return {};
-  CANDELA_ASSIGN(const image::Image image, image::decode_exr(exr_bytes));
-  CANDELA_ASSIGN(const std::string png, image::encode_png(image));
+  CANDELA_ASSIGN(
+      const std::string png,
+      image::encode_png(image::Image{denoised->width, denoised->height, std::move(denoised->rgb), {}}));
   return write_file_atomically(output.png, png);
 }
 

@@ -3,19 +3,28 @@
 
 #include <filesystem>
 #include <initializer_list>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 
 #include "common/base/result.h"
+#include "common/image/denoise.h"
 
 namespace candela::client {
 
 struct ImageOutput {
   std::string exr;  // path; empty: none
   std::string png;  // path; empty: none
+  // If given, the EXR has the layer 'denoised', too, and the PNG shows it.
+  std::shared_ptr<const image::Denoiser> denoiser = {};
 };
+
+// The text of the option --denoise of render and fetch.
+inline constexpr const char* kDenoiseText =
+    "Add the layer 'denoised' to the EXR, by Open Image Denoise (installed apart) and the AOVs albedo and "
+    "normal; a PNG shows that layer";
 
 // The path ends in `extension`, its folder exists and can be written, and no folder or device is in its
 // place. If the path is a symbolic link, its target's folder exists and can be written too.
@@ -33,7 +42,8 @@ std::string png_note(const ImageOutput& output);
 
 Result<void> check_output(const ImageOutput& output);
 
-// Writes the EXR's bytes, and the PNG made of them.
+// Writes the EXR's bytes, and the PNG made of them. If the denoiser fails, the EXR is written without its
+// layer, and no PNG.
 Result<void> write_images(const ImageOutput& output, const std::string& exr_bytes);
 
 }  // namespace candela::client

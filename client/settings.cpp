@@ -8,12 +8,14 @@
 
 #include "client/values.h"
 #include "common/base/config.h"
+#include "common/base/files.h"
 #include "common/base/quantity.h"
 #include "common/description/all_errors.h"
 #include "common/description/film_window.h"
 #include "common/description/object_list.h"
 #include "common/description/setting_text.h"
 #include "common/description/vocabulary.h"
+#include "common/edits/edits.h"
 #include "common/job/aov.h"
 #include "common/job/setting_names.h"
 #include "common/letters/request.h"
@@ -210,6 +212,19 @@ Result<void> resolve_size(const Object* film, const SceneOptions& options, JobSe
   }
   settings.width = size.width;
   settings.height = size.height;
+  if (!options.crop) return {};
+  CANDELA_ASSIGN(const CropWindow crop, parse_crop(*options.crop, "--crop"));
+  const auto fits = [](std::uint64_t begin, std::uint64_t extent, std::uint32_t whole) {
+    return begin + extent <= whole;
+  };
+  if (!fits(crop.x, crop.width, size.width) || !fits(crop.y, crop.height, size.height))
+    return usage_error(fmt::format("{} x {} pixels at {}, {} are not within the image's {} x {}", crop.width,
+                                   crop.height, crop.x, crop.y, size.width, size.height))
+        .with_field("--crop")
+        .with_mend("give left, top, width and height in pixels of the whole image");
+  settings.crop = Crop{crop.x, crop.y, size.width, size.height};
+  settings.width = crop.width;
+  settings.height = crop.height;
   return {};
 }
 
@@ -294,6 +309,39 @@ Result<std::string> resolve_layers(const description::SceneDescription& scene, c
   return text;
 }
 
+// The edits' text, from a file or as it is.
+Result<edits::EditList> read_edits(const SceneOptions& options) {
+  if (!options.edits || *options.edits == "none") return edits::EditList{};
+  const bool is_text = options.edits->starts_with('{');
+  std::string text = *options.edits;
+  if (!is_text) {
+    auto bytes = read_file(*options.edits, edits::kMaxEditsBytes);
+    if (!bytes.ok()) return std::move(bytes).error().with_field("--edits");
+    text = *std::move(bytes);
+  }
+  auto list = edits::parse_edits(text);
+  if (list.ok()) return list;
+  Error error = std::move(list).error();
+  if (!error.field.empty()) error.message = fmt::format("{}: {}", error.field, error.message);
+  return is_text ? std::move(error).with_field("--edits")
+                 : std::move(error).with_field("").at(*options.edits, 0);
+}
+
+// As the job has them. Their expressions are compiled with the names of the scene's objects. The integrator
+// is resolved.
+Result<std::string> resolve_edits(const description::SceneDescription& scene, const SceneOptions& options,
+                                  const JobSettings& settings) {
+  CANDELA_ASSIGN(const edits::EditList list, read_edits(options));
+  const auto field = [](auto checked) -> Result<void> {
+    if (checked.ok()) return {};
+    return std::move(checked).error().with_field("--edits");
+  };
+  CANDELA_TRY(field(
+      edits::check_integrator(list, settings.integrator, edits::max_depth_of(settings.integrator_settings))));
+  CANDELA_TRY(field(description::check_edits(list, *scene.scene)));
+  return edits::text_of(list);
+}
+
 }  // namespace
 
 Result<StopRule> parse_stop(const SceneOptions& options) {
@@ -369,10 +417,14 @@ Result<PreparedJob> prepare_job(const description::SceneDescription& scene, cons
   PreparedJob job;
   CANDELA_TRY(resolve_filter(film.get(), options, job.settings));
   CANDELA_TRY(resolve_size(film.get(), options, job.settings));
+  if (job.settings.crop && (sensor->plugin == "distant" || sensor->plugin == "irradiancemeter"))
+    return usage_error(fmt::format("the sensor '{}' has no crop of its image", sensor->plugin))
+        .with_field("--crop");
   CANDELA_ASSIGN(job.settings.aovs, resolve_aovs(scene.aovs, options));
   CANDELA_ASSIGN(job.settings.layers, resolve_layers(scene, options));
   CANDELA_ASSIGN(job.spp, resolve_sampling(sampler.get(), options, job));
   CANDELA_TRY(resolve_integrator(*scene.scene, options, facts, job));
+  CANDELA_ASSIGN(job.settings.edits, resolve_edits(scene, options, job.settings));
   if (job.spp > 0) {
     CANDELA_ASSIGN(const std::uint64_t each,
                    facts.samples_per_iteration(job.settings.integrator, job.settings.integrator_settings));
@@ -403,7 +455,9 @@ Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts&
   if (!layers.empty())
     if (auto checked = letters::check(layers); !checked)
       return std::move(checked).error().with_field("--layer");
+  CANDELA_TRY(read_edits(options));
   if (options.size) CANDELA_TRY(parse_size(*options.size, "--size"));
+  if (options.crop) CANDELA_TRY(parse_crop(*options.crop, "--crop"));
   if (options.seed) CANDELA_TRY(parse_count(*options.seed, "--seed", 0, UINT64_MAX));
   CANDELA_ASSIGN(const std::uint64_t memory, scene_memory_bytes(options));
   CANDELA_ASSIGN(bundle::GatheredScene gathered,
@@ -430,6 +484,12 @@ std::string difference(const JobSettings& now, const JobSettings& was) {
   compare_maps(now.integrator_settings, was.integrator_settings);
   compare("width", now.width, was.width);
   compare("height", now.height, was.height);
+  const auto crop = [](const JobSettings& s) {
+    return s.crop ? fmt::format("{},{} of {}x{}", s.crop->x, s.crop->y, s.crop->whole_width,
+                                s.crop->whole_height)
+                  : std::string("none");
+  };
+  compare("crop", crop(now), crop(was));
   compare("filter", now.filter, was.filter);
   if (now.filter == was.filter) compare_maps(now.filter_settings, was.filter_settings);
   compare("sampler", now.sampler, was.sampler);
@@ -437,6 +497,7 @@ std::string difference(const JobSettings& now, const JobSettings& was) {
   compare("isa", now.isa, was.isa);
   compare("aovs", now.aovs, was.aovs);
   compare("layers", now.layers, was.layers);
+  compare("edits", now.edits, was.edits);
   return fmt::format("{}", join(lines, "; "));
 }
 

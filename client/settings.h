@@ -51,12 +51,13 @@ struct SceneOptions {
   std::string scene;                 // path of the scene file
   std::vector<std::string> defines;  // name=value
   std::vector<std::string> sets;     // key=value
-  std::optional<std::string> integrator, spp, iterations, time, until, indices, seed, size, filter, sampler,
-      isa, aov, scene_memory;
+  std::optional<std::string> integrator, spp, iterations, time, until, indices, seed, size, crop, filter,
+      sampler, isa, aov, scene_memory;
   std::vector<std::string> layers;   // NAME=EXPR, or as the job has them
   std::vector<std::string> regions;  // NAME=box:... or NAME=sphere:...
   std::optional<std::string> glossy_below;
   bool light_groups = false, partition = false;
+  std::optional<std::string> edits;  // a file, or its JSON; none: no edits
   bool lenient = false;  // unknown parameters, elements and plugins of the scene are warnings
 
   description::Reading reading() const { return {.integrator = integrator.value_or(""), .lenient = lenient}; }

@@ -6,9 +6,11 @@
 #include <set>
 
 #include "client/values.h"
+#include "common/base/files.h"
 #include "common/base/text.h"
 #include "common/stages/decision.h"
 #include "common/stages/memory_need.h"
+#include "common/wire/json.h"
 #include "common/wire/token.h"
 #include "common/wire/wire.h"
 
@@ -71,11 +73,7 @@ Result<void> check_limits(FarmClient& farm, const LoadedScene& scene, const Rend
   return fits(work);
 }
 
-}  // namespace
-
-Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const RendererFacts& facts,
-                               const Submission& submission, ProgressLine& progress) {
-  CANDELA_TRY(check_limits(farm, scene, facts));
+v1::SubmitRequest request_of(const LoadedScene& scene, const Submission& submission) {
   v1::SubmitRequest request;
   request.set_name(submission.name);
   wire::to_proto(scene.gathered.bundle, *request.mutable_bundle());
@@ -90,6 +88,29 @@ Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const
   request.set_share(submission.share);
   request.set_submitter(wire::user_at_host());
   request.set_idempotency_token(submission.token.empty() ? random_token() : submission.token);
+  return request;
+}
+
+}  // namespace
+
+Result<void> export_submission(const LoadedScene& scene, const Submission& submission,
+                               const std::filesystem::path& folder) {
+  CANDELA_TRY(make_directories(folder));
+  for (const bundle::File& file : scene.gathered.bundle.files) {
+    const std::filesystem::path target = folder / file.sha256;
+    std::error_code error;
+    std::filesystem::copy_file(scene.gathered.real_paths.at(file.path), target,
+                               std::filesystem::copy_options::overwrite_existing, error);
+    if (error) return resource_error("cannot be written: " + error.message()).at(target.string(), 0);
+  }
+  return write_file_atomically(folder / "submission.json",
+                               wire::submission_json(request_of(scene, submission)) + "\n");
+}
+
+Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const RendererFacts& facts,
+                               const Submission& submission, ProgressLine& progress) {
+  CANDELA_TRY(check_limits(farm, scene, facts));
+  const v1::SubmitRequest request = request_of(scene, submission);
   std::uint64_t uploaded = 0;
   auto response = upload_and_submit(farm, scene, request, progress, uploaded);
   // The farm may have found damage in a file only now, and lack it since.

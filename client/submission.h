@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -31,5 +32,9 @@ struct Submitted {
 // Nothing is uploaded for a job whose statistics the master has no memory for.
 Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const RendererFacts& facts,
                                const Submission& submission, ProgressLine& progress);
+
+// Writes what submit_scene() would send: submission.json, and each scene file, called by its SHA-256.
+Result<void> export_submission(const LoadedScene& scene, const Submission& submission,
+                               const std::filesystem::path& folder);
 
 }  // namespace candela::client

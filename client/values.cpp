@@ -51,6 +51,20 @@ Result<double> parse_number(std::string_view text, std::string_view option, doub
   return value;
 }
 
+Result<Interval> parse_interval(std::string_view text, std::string_view option, double least, double most) {
+  const std::size_t comma = text.find(',');
+  if (comma == std::string::npos)
+    return usage_error(fmt::format("'{}' is not LOW,HIGH", printable(text))).with_field(std::string(option));
+  Interval interval;
+  CANDELA_ASSIGN(interval.low, parse_number(text.substr(0, comma), option, least, most));
+  CANDELA_ASSIGN(interval.high, parse_number(text.substr(comma + 1), option, least, most));
+  if (!(interval.low < interval.high))
+    return usage_error(fmt::format("the range '{}' is empty", printable(text)))
+        .with_field(std::string(option))
+        .with_mend("give the lower number first, then a higher one");
+  return interval;
+}
+
 Result<double> parse_duration(std::string_view text, std::string_view option) {
   constexpr std::string_view wanted = "a duration such as 90s, 10m or 1h30m";
   struct UnitOfTime {
@@ -102,6 +116,20 @@ Result<Size> parse_size(std::string_view text, std::string_view option) {
   if (std::uint64_t{size.width} * size.height > Limits::max_pixels)
     return bad_value(text, option, fmt::format("a size of at most {} pixels in all", Limits::max_pixels));
   return size;
+}
+
+Result<CropWindow> parse_crop(std::string_view text, std::string_view option) {
+  CropWindow crop;
+  std::string_view rest = text;
+  bool good = true;
+  for (std::uint32_t* number : {&crop.x, &crop.y, &crop.width, &crop.height}) {
+    const std::string_view one = rest.substr(0, rest.find(','));
+    good = good && parse_whole(one, *number) && *number <= Limits::max_extent;
+    rest.remove_prefix(std::min(rest.size(), one.size() + (number == &crop.height ? 0 : 1)));
+  }
+  if (!good || !rest.empty() || crop.width < 1 || crop.height < 1)
+    return bad_value(text, option, "a window such as 640,360,200,100: left, top, width and height in pixels");
+  return crop;
 }
 
 Result<double> parse_until(std::string_view text, std::string_view option) {

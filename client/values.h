@@ -21,6 +21,12 @@ Result<std::int64_t> parse_integer(std::string_view text, std::string_view optio
 // A finite number in [least, most].
 Result<double> parse_number(std::string_view text, std::string_view option, double least, double most);
 
+struct Interval {
+  double low = 0, high = 0;
+};
+// "LOW,HIGH", both within [least, most], low below high.
+Result<Interval> parse_interval(std::string_view text, std::string_view option, double least, double most);
+
 // Seconds above 0 of "90s", "10m", "1h30m", "2d", "500ms", "1.5h", or a bare number of seconds. Units go from
 // large to small, each at most once. At most ten years.
 Result<double> parse_duration(std::string_view text, std::string_view option);
@@ -31,6 +37,12 @@ struct Size {
 };
 // "WIDTHxHEIGHT", each within 1 and Limits::max_extent, together at most Limits::max_pixels.
 Result<Size> parse_size(std::string_view text, std::string_view option);
+
+struct CropWindow {
+  std::uint32_t x = 0, y = 0, width = 0, height = 0;  // pixels
+};
+// "X,Y,WIDTH,HEIGHT", the window not empty, each at most Limits::max_extent.
+Result<CropWindow> parse_crop(std::string_view text, std::string_view option);
 
 // The target of "relmse=1e-3": above 0.
 Result<double> parse_until(std::string_view text, std::string_view option);

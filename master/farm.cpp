@@ -108,7 +108,8 @@ Result<void> Farm::start() {
   });
   table_ = std::make_unique<JobTable>(
       std::make_unique<Scheduler>(so, epoch, state.next_unit_id), *writer_, o.data_dir / "jobs",
-      options_.film_writer ? options_.film_writer : FileWriter(&write_file_atomically), o.observer);
+      options_.film_writer ? options_.film_writer : FileWriter(&write_file_atomically), o.observer,
+      options_.listener);
   truth_ = std::make_unique<JobTruth>(*this);
   // One more than merges, so that a delta's hash is taken while another is merged.
   merging_ = std::make_unique<BulkThreads>(o.merge_threads + 1, o.bulk_niceness);

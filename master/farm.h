@@ -43,6 +43,7 @@ namespace candela::master {
 struct FarmOptions {
   MasterOptions master;
   FileWriter film_writer;         // empty: write_file_atomically
+  ChangeListener listener;        // empty: nobody listens
   double push_idle_seconds = 20;  // a sender of a delta silent for this long is cut off
 };
 

@@ -8,14 +8,17 @@
 #include <chrono>
 #include <cmath>
 
+#include "common/base/files.h"
 #include "common/base/log.h"
 #include "common/base/mutex.h"
+#include "common/base/text.h"
 #include "common/wire/token.h"
 #include "common/wire/wire.h"
 #include "master/api/guarded_services.h"
 #include "master/farm.h"
 #include "master/http/http_server.h"
 #include "master/http/live_page.h"
+#include "master/http/notices.h"
 
 namespace candela::master {
 namespace {
@@ -23,6 +26,7 @@ namespace {
 constexpr int kMaxMessageBytes = 8 << 20;
 constexpr int kMaxThreads = 1024;            // each streaming call holds one
 constexpr const char* kTokenFile = "token";  // in the data folder
+constexpr const char* kNotifySecretFile = "notify-secret";
 constexpr auto kShutdownGrace = std::chrono::seconds(2);
 
 Result<void> check(const MasterOptions& o) {
@@ -44,8 +48,10 @@ Result<void> check(const MasterOptions& o) {
 class MasterImpl final : public Master {
  public:
   // `own_token`: of the calls of this process.
-  MasterImpl(std::unique_ptr<Farm> farm, std::string own_token, std::string token, bool tls)
-      : farm_(std::move(farm)),
+  MasterImpl(std::unique_ptr<Notices> notices, std::unique_ptr<Farm> farm, std::string own_token,
+             std::string token, bool tls)
+      : notices_(std::move(notices)),
+        farm_(std::move(farm)),
         access_(tls ? Access(own_token) : Access(own_token, token, farm_->data_folder() / kTokenFile)),
         own_token_(std::move(own_token)),
         token_(std::move(token)),
@@ -88,6 +94,7 @@ class MasterImpl final : public Master {
     address.port = port_;
     if (port_ != 0 && o.tls_cert.empty()) tell_token(o, address, any_port);
     access_.open();
+    if (notices_) notices_->start(farm_.get());
     if (!o.http_listen.empty()) {
       std::string token;
       if (!o.page_token_file.empty()) {
@@ -118,6 +125,7 @@ class MasterImpl final : public Master {
     }
     http_.reset();
     farm_->stop();
+    if (notices_) notices_->stop();
     if (std::error_code ignored; !passing_token_file_.empty())
       std::filesystem::remove(passing_token_file_, ignored);
   }
@@ -138,6 +146,7 @@ class MasterImpl final : public Master {
                           written.ok() ? "" : ", for " + written.error().to_string()));
   }
 
+  std::unique_ptr<Notices> notices_;  // null: none are sent; the farm tells it of changes
   std::unique_ptr<Farm> farm_;
   Access access_;
   const std::string own_token_;
@@ -150,6 +159,37 @@ class MasterImpl final : public Master {
   int port_ = 0;
   Mutex stop_mutex_;
 };
+
+// Null: none are sent.
+Result<std::unique_ptr<Notices>> make_notices(const MasterOptions& o) {
+  if (o.notify.empty() && !o.notify_secret_file.empty())
+    return usage_error("a secret signs notices, and there are none")
+        .with_field("--notify-secret-file")
+        .with_mend("say where notices go: --notify URL");
+  if (o.notify.empty()) return std::unique_ptr<Notices>();
+  CANDELA_ASSIGN(const Poster* const poster, load_poster());
+  const Poster::Target target = poster->check(o.notify);
+  if (!target.error.empty())
+    return usage_error(fmt::format("'{}': {}", escape_unprintable(o.notify), target.error))
+        .with_field("--notify")
+        .with_mend("such as https://render.example.org/notices");
+  if (target.in_clear)
+    log::warn("--notify sends names of jobs and workers to another machine in clear: use https://");
+  NoticeOptions options{.url = o.notify, .secret = {}};
+  if (o.notify_secret_file.empty()) {
+    CANDELA_TRY(make_directories(o.data_dir));
+    CANDELA_ASSIGN(options.secret, wire::make_token_file(o.data_dir / kNotifySecretFile));
+  } else {
+    auto secret = wire::read_token_file(o.notify_secret_file);
+    if (!secret.ok()) {
+      Error error = std::move(secret).error();
+      error.kind = ErrorKind::usage;
+      return std::move(error).with_field("--notify-secret-file");
+    }
+    options.secret = std::move(*secret);
+  }
+  return std::make_unique<Notices>(std::move(options), *poster);
+}
 
 }  // namespace
 
@@ -176,13 +216,18 @@ Result<std::unique_ptr<Master>> Master::start(const MasterOptions& options) {
           .with_mend("say where to serve the page: --http HOST:PORT");
     CANDELA_TRY(read_page_token(options.page_token_file));
   }
+  CANDELA_ASSIGN(std::unique_ptr<Notices> notices, make_notices(options));
   FarmOptions farm_options;
   farm_options.master = options;
+  if (notices)
+    farm_options.listener = [n = notices.get()](const Scheduler& s, std::span<const Change> changes) {
+      n->tell(notices_of(s, changes, JobTable::now()));
+    };
   CANDELA_ASSIGN(std::unique_ptr<Farm> farm, Farm::open(farm_options));
   CANDELA_ASSIGN(std::string token, wire::make_token_file(options.data_dir / kTokenFile));
   CANDELA_ASSIGN(std::string own_token, wire::random_token());
-  auto master =
-      std::make_unique<MasterImpl>(std::move(farm), std::move(own_token), std::move(token), tls.any());
+  auto master = std::make_unique<MasterImpl>(std::move(notices), std::move(farm), std::move(own_token),
+                                             std::move(token), tls.any());
   CANDELA_TRY(master->serve(options, credentials));
   return std::unique_ptr<Master>(std::move(master));
 }

@@ -19,6 +19,8 @@ struct MasterOptions {
   std::string http_listen;                // HOST:PORT of page, health and metrics; empty: none
   std::string page_token_file;            // its text allows the page to change jobs; empty: read-only
   std::string tls_cert, tls_key, tls_ca;  // PEM files; all three or none (mutual TLS)
+  std::string notify;                     // URL that notices are sent to; empty: none are
+  std::string notify_secret_file;         // its text signs notices; empty: a file in the data folder
   bool insecure = false;                  // allow a non-loopback address without TLS
   // Without TLS: write the token where programs of this user look for it.
   bool publish_token = false;

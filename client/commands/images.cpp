@@ -1,44 +1,149 @@
 // candela convert: images without a farm.
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
+#include <limits>
+#include <memory>
+#include <ostream>
 
 #include "client/commands/commands.h"
 #include "client/context.h"
 #include "client/output.h"
 #include "client/values.h"
 #include "common/base/files.h"
+#include "common/image/denoise.h"
 #include "common/image/image.h"
+#include "common/image/picture.h"
 
 namespace candela::client {
 namespace {
 
-struct ImageOptions {
-  std::string a, b;
-  std::optional<std::string> exposure, layer;
+struct ConvertOptions {
+  std::string input, output;
+  std::optional<std::string> exposure, layer, range, quality;
+  bool denoise = false;
 };
 
-Result<int> run_convert(const ImageOptions& options) {
-  double exposure = 0;
+constexpr std::uint64_t kMostFileBytes = std::uint64_t{1} << 36;
+
+// All that the options say, checked before a file is read. No format: an EXR.
+struct ConvertChoice {
+  std::optional<image::PictureFormat> format;
+  image::Tone tone;
+  bool whole = false;  // --range auto
+};
+
+Error exclude(const char* a, const char* b) {
+  return usage_error(fmt::format("{} and {} exclude each other", a, b)).with_field(a);
+}
+
+std::string ending_of(const std::string& path) {
+  std::string ending = std::filesystem::path(path).extension().string();
+  for (char& c : ending)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return ending;
+}
+
+Result<ConvertChoice> choose(const ConvertOptions& options) {
+  ConvertChoice choice;
+  choice.format = image::picture_format_of(options.output);
+  const std::string ending = ending_of(options.output);
+  if (ending == ".exr" && !options.denoise)
+    return usage_error(fmt::format("{}: an EXR is made with --denoise only", printable(options.output)))
+        .with_field("output")
+        .with_mend("name a .png, .jpg or .tif");
+  if (!choice.format && ending != ".exr")
+    return usage_error(fmt::format("{}: the name does not end in .png, .jpg or .tif{}",
+                                   printable(options.output), options.denoise ? ", or .exr" : ""))
+        .with_field("output");
+  CANDELA_TRY(check_output_path(options.output, ending, "output"));
+  if (options.exposure && options.range) return exclude("--exposure", "--range");
+  if (options.denoise && options.layer) return exclude("--layer", "--denoise");
+  if (!choice.format && options.exposure) return exclude("--exposure", "an EXR");
+  if (!choice.format && options.range) return exclude("--range", "an EXR");
+  if (options.quality && choice.format != image::PictureFormat::jpeg)
+    return usage_error("only a JPEG has a quality").with_field("--quality");
   if (options.exposure) {
-    CANDELA_ASSIGN(exposure, parse_number(*options.exposure, "--exposure", -100, 100));
+    CANDELA_ASSIGN(choice.tone.exposure_stops, parse_number(*options.exposure, "--exposure", -100, 100));
   }
-  CANDELA_TRY(check_output_path(options.b, ".png", "output"));
-  CANDELA_ASSIGN(const image::Image image,
-                 options.layer ? image::read_layer(options.a, *options.layer) : image::read_image(options.a));
-  CANDELA_ASSIGN(const std::string png, image::encode_png(image, exposure));
-  CANDELA_TRY(write_file_atomically(options.b, png));
+  if (options.quality) {
+    CANDELA_ASSIGN(const std::uint64_t quality, parse_count(*options.quality, "--quality", 1, 100));
+    choice.tone.jpeg_quality = static_cast<int>(quality);
+  }
+  choice.whole = options.range == "auto";
+  if (options.range && !choice.whole) {
+    constexpr double most = std::numeric_limits<float>::max();
+    auto range = parse_interval(*options.range, "--range", -most, most);
+    if (!range.ok() && range.error().mend.empty())
+      return std::move(range).error().with_mend("give LOW,HIGH, or auto");
+    if (!range.ok()) return std::move(range).error();
+    choice.tone.range = {range->low, range->high};
+  }
+  return choice;
+}
+
+Result<image::DenoisedExr> denoised(Context& context, const std::string& path) {
+  CANDELA_ASSIGN(const auto denoiser, image::Denoiser::load());
+  CANDELA_ASSIGN(const std::string exr, read_file(path, kMostFileBytes));
+  auto result = image::denoise_exr(exr, *denoiser);
+  if (!result.ok()) return std::move(result).error().at(path, 0);
+  if (result->guides.empty())
+    context.err << "candela: note: there is no layer with the albedo; with --aov albedo,normal of the "
+                   "render the denoiser keeps textures and edges\n";
+  return result;
+}
+
+Result<int> run_convert(Context& context, const ConvertOptions& options) {
+  CANDELA_ASSIGN(ConvertChoice choice, choose(options));
+  image::Image image;
+  if (options.denoise) {
+    CANDELA_ASSIGN(image::DenoisedExr result, denoised(context, options.input));
+    if (!choice.format) {
+      CANDELA_TRY(write_file_atomically(options.output, result.bytes));
+      return 0;
+    }
+    image = image::Image{result.width, result.height, std::move(result.rgb), {}};
+  } else {
+    CANDELA_ASSIGN(image, options.layer ? image::read_layer(options.input, *options.layer)
+                                        : image::read_image(options.input));
+  }
+  // Layers of other letters are no colors.
+  if (choice.whole || (image.letters != "RGB" && !options.exposure && !choice.tone.range)) {
+    auto range = image::whole_range(image);
+    if (!range.ok()) return std::move(range).error().at(options.input, 0);
+    choice.tone.range = *range;
+    context.err << fmt::format("candela: the range is {:.6g},{:.6g}\n", range->low, range->high);
+  }
+  CANDELA_ASSIGN(const std::string bytes, image::encode_picture(image, *choice.format, choice.tone));
+  CANDELA_TRY(write_file_atomically(options.output, bytes));
   return 0;
 }
 
 }  // namespace
 
 void add_convert(CLI::App& app, Context& context) {
-  auto options = std::make_shared<ImageOptions>();
-  CLI::App* sub = app.add_subcommand("convert", "Convert an image to an 8-bit sRGB PNG");
-  sub->add_option("input", options->a, "The image")->required()->type_name("IN");
-  sub->add_option("output", options->b, "The PNG to write")->required()->type_name("OUT");
+  auto options = std::make_shared<ConvertOptions>();
+  CLI::App* sub = app.add_subcommand(
+      "convert", "Convert an image to a PNG or JPEG of 8 bits, or a TIFF of 16 bits, with sRGB's curve");
+  sub->add_option("input", options->input, "The image")->required()->type_name("IN");
+  sub->add_option("output", options->output,
+                  "The .png, .jpg or .tif to write; with --denoise also an .exr, with the layer 'denoised'")
+      ->required()
+      ->type_name("OUT");
   add_text(*sub, "--layer", options->layer, "Show this layer of the EXR in place of the image", "NAME");
   add_text(*sub, "--exposure", options->exposure, "Multiply by 2^E first (default 0)", "E");
-  sub->callback([&context, options] { context.command = [options] { return run_convert(*options); }; });
+  add_text(*sub, "--range", options->range,
+           "Show values from LOW (black) to HIGH (white) in proportion, without sRGB's curve, such as 0,20 "
+           "for depth or -1,1 for normals; auto: the range of all values, as layers other than colors have "
+           "it by default",
+           "LOW,HIGH");
+  add_text(*sub, "--quality", options->quality, "Quality of a JPEG, from 1 to 100 (default 95)", "N");
+  sub->add_flag("--denoise", options->denoise,
+                "Denoise the image by Open Image Denoise (installed apart), with the AOVs albedo and normal "
+                "of the EXR");
+  sub->callback([&context, options] {
+    context.command = [&context, options] { return run_convert(context, *options); };
+  });
 }
 
 }  // namespace candela::client

@@ -1,4 +1,5 @@
-// candela inspect: tools that look into images, each a command of its own.
+// candela inspect: tools that look into images and scenes, each a command of its own. Those that link the
+// renderer are in client/embedded.
 #include <CLI/CLI.hpp>
 
 #include "client/commands/commands.h"
@@ -7,7 +8,8 @@
 namespace candela::client {
 
 void add_inspect(CLI::App& app, Context& context) {
-  CLI::App* inspect = app.add_subcommand("inspect", "Look into an image with a tool");
+  CLI::App* inspect =
+      app.add_subcommand("inspect", "Look into an image, or into the light of a scene, with a tool");
   inspect->require_subcommand(0, 1);
   add_falsecolor(*inspect, context);
 }

@@ -24,25 +24,6 @@ struct FalseColorOptions {
   bool logarithmic = false, is_signed = false, json = false;
 };
 
-struct Interval {
-  double low = 0, high = 0;
-};
-
-// "low,high", both within [least, most], low below high.
-Result<Interval> parse_interval(const std::string& text, const char* option, double least, double most) {
-  const std::size_t comma = text.find(',');
-  if (comma == std::string::npos)
-    return usage_error(fmt::format("'{}' is not LOW,HIGH", printable(text))).with_field(option);
-  Interval interval;
-  CANDELA_ASSIGN(interval.low, parse_number(text.substr(0, comma), option, least, most));
-  CANDELA_ASSIGN(interval.high, parse_number(text.substr(comma + 1), option, least, most));
-  if (!(interval.low < interval.high))
-    return usage_error(fmt::format("the range '{}' is empty", printable(text)))
-        .with_field(option)
-        .with_mend("give the lower number first, then a higher one");
-  return interval;
-}
-
 // All that the options say, checked before a file is read.
 struct Choice {
   image::ColorMap map = image::ColorMap::viridis;

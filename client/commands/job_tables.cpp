@@ -187,9 +187,13 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   line("time", fmt::format("{} running, {} of workers", format_duration(s.elapsed_seconds()),
                            format_duration(s.worker_seconds())));
   const v1::JobSettings& settings = s.settings();
+  const std::string crop = settings.has_crop()
+                               ? fmt::format(" at {},{} of {}x{}", settings.crop().x(), settings.crop().y(),
+                                             settings.crop().whole_width(), settings.crop().whole_height())
+                               : "";
   line("image",
-       fmt::format("{}x{}, filter {}, sampler {}, seed {}, isa {}", settings.width(), settings.height(),
-                   settings.filter(), settings.sampler(), settings.seed(), settings.isa()));
+       fmt::format("{}x{}{}, filter {}, sampler {}, seed {}, isa {}", settings.width(), settings.height(),
+                   crop, settings.filter(), settings.sampler(), settings.seed(), settings.isa()));
   std::map<std::string, std::string> sorted(settings.integrator_settings().begin(),
                                             settings.integrator_settings().end());
   std::string integrator = settings.integrator();
@@ -197,6 +201,7 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   line("integrator", integrator);
   if (!settings.aovs().empty()) line("AOVs", settings.aovs());
   if (!settings.layers().empty()) line("expressions", settings.layers());
+  if (!settings.edits().empty()) line("edits", settings.edits());
   if (s.layers_size() > 0) line("layers", join(s.layers(), " "));
   if (s.has_chains()) print_chains(line, s);
   if (s.has_epochs()) print_epochs(line, s.epochs());

@@ -27,7 +27,7 @@ constexpr int kSignalCode = 128;
 struct SubmitOptions {
   SceneOptions scene;
   FarmOptions farm;
-  std::optional<std::string> name, priority, share, token, output, png, frames;
+  std::optional<std::string> name, priority, share, token, output, png, frames, on_end, folder;
   std::vector<std::string> depends;
   PreviewOptions preview;
   bool wait = false, quiet = false, json = false, error_layer = false, variance_layer = false;
@@ -43,6 +43,19 @@ Result<void> check_waits(const SubmitOptions& options) {
   };
   for (const auto& [given, option] : needs)
     if (given) return usage_error("an output needs --wait").with_field(option);
+  if (options.on_end) return usage_error("nobody sees the end without --wait").with_field("--on-end");
+  return {};
+}
+
+// Refuses options that --export excludes.
+Result<void> check_export(const SubmitOptions& options) {
+  if (!options.folder) return {};
+  const std::pair<bool, const char*> excluded[] = {{options.wait, "--wait"},
+                                                   {options.json, "--json"},
+                                                   {options.frames.has_value(), "--frames"},
+                                                   {!options.depends.empty(), "--depends"}};
+  for (const auto& [given, option] : excluded)
+    if (given) return usage_error(fmt::format("--export and {} exclude each other", option));
   return {};
 }
 
@@ -80,6 +93,7 @@ Result<int> submit_one(Context& context, const SubmitOptions& options, Submissio
   CANDELA_ASSIGN(const ImageOutput output, outputs_of(options.output, options.png, ""));
   WaitOptions wait{options.quiet, options.json,    options.error_layer,
                    output,        options.preview, options.variance_layer};
+  wait.on_end = options.on_end.value_or("");
   if (options.wait && (options.output || options.png))
     CANDELA_TRY(check_layers(
         output, {{options.error_layer, "--error-layer"}, {options.variance_layer, "--variance-layer"}}));
@@ -89,6 +103,10 @@ Result<int> submit_one(Context& context, const SubmitOptions& options, Submissio
   submission.name = options.name.value_or(scene_name(options.scene.scene));
   CANDELA_ASSIGN(const LoadedScene scene, load_scene(options.scene, context.facts));
   warn_of_scene(context.err, scene);
+  if (options.folder) {
+    CANDELA_TRY(export_submission(scene, submission, *options.folder));
+    return 0;
+  }
   CANDELA_ASSIGN(const std::unique_ptr<FarmClient> farm, connect(options.farm));
   CANDELA_TRY(add_dependencies(*farm, options, submission));
   Submitted submitted;
@@ -242,20 +260,26 @@ Result<int> submit_frames(Context& context, const SubmitOptions& options, Submis
   v1::JobName group;
   group.set_id(group_id);
   group.set_group(true);
-  CANDELA_ASSIGN(const int code, wait_for_jobs(context, *farm, {group}, options.quiet, options.json));
-  if ((!options.output && !options.png) || code >= kSignalCode) return code;
-  CANDELA_ASSIGN(const int fetched,
-                 fetch_jobs(context, *farm, {group},
-                            {options.output,
-                             options.png,
-                             {.error_layer = options.error_layer, .variance_layer = options.variance_layer},
-                             options.quiet}));
-  return code != 0 ? code : fetched;
+  std::vector<EndedJob> ended;
+  CANDELA_ASSIGN(const int code, wait_for_jobs(context, *farm, {group}, options.quiet, options.json, ended));
+  if (code >= kSignalCode) return code;
+  const Result<int> fetched =
+      options.output || options.png
+          ? fetch_jobs(context, *farm, {group},
+                       {options.output,
+                        options.png,
+                        {.error_layer = options.error_layer, .variance_layer = options.variance_layer},
+                        options.quiet})
+          : Result<int>(0);
+  const int on_end = run_on_end(context, options.on_end.value_or(""), ended);
+  if (!fetched.ok()) return fetched.error();
+  return code != 0 ? code : *fetched != 0 ? *fetched : on_end;
 }
 
 Result<int> run_submit(Context& context, const SubmitOptions& options) {
   CANDELA_TRY(check_waits(options));
   CANDELA_TRY(check_frames(options));
+  CANDELA_TRY(check_export(options));
   CANDELA_ASSIGN(const Submission submission, submission_of(options));
   return options.frames ? submit_frames(context, options, submission)
                         : submit_one(context, options, submission);
@@ -287,6 +311,10 @@ void add_submit(CLI::App& app, Context& context) {
   add_text(*sub, "--share", options->share, "Weight among jobs of one priority (default 1)", "X");
   add_text(*sub, "--token", options->token,
            "Idempotency token: submitting again with it returns the first job", "TEXT");
+  add_text(*sub, "--export", options->folder,
+           "Submit nothing, and write what the HTTP API takes: submission.json, and the scene's files by "
+           "their SHA-256",
+           "FOLDER");
   sub->add_flag("--wait", options->wait, "Show progress until the job has ended, and exit with its result");
   add_text(*sub, "-o,--output", options->output,
            "With --wait: write the image here at the end: an .exr, or a .png without layers and metadata",
@@ -296,6 +324,7 @@ void add_submit(CLI::App& app, Context& context) {
   sub->add_flag("--error-layer", options->error_layer, "With --wait: add the layer 'error' to the EXR");
   sub->add_flag("--variance-layer", options->variance_layer,
                 "With --wait: add the layer 'variance' to the EXR");
+  add_on_end(*sub, options->on_end, "With --wait: ");
   sub->add_flag("--quiet", options->quiet, "Print no progress");
   sub->add_flag("--json", options->json, "Print JSON: with --wait the job's last status, else its id");
   sub->callback([&context, options] {

@@ -4,6 +4,7 @@
 
 #include <ostream>
 
+#include "client/commands/on_end.h"
 #include "client/signals.h"
 #include "client/values.h"
 #include "common/wire/json.h"
@@ -55,21 +56,25 @@ Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& 
     context.err << fmt::format("candela: warning: {}\n", warning);
   if (options.json) context.out << wire::job_json(last) << '\n';
   const bool wants_image = !options.output.exr.empty() || !options.output.png.empty();
-  if (wants_image && last.units_merged() > 0) {
+  const auto fetch = [&]() -> Result<void> {
     CANDELA_ASSIGN(const std::string exr, farm.fetch_image(id, {.error_layer = options.error_layer,
                                                                 .image_only = options.output.exr.empty(),
                                                                 .chain_layers = options.chain_layers,
                                                                 .estimator = options.estimator,
                                                                 .half = options.half,
                                                                 .variance_layer = options.variance_layer}));
-    CANDELA_TRY(write_images(options.output, exr));
-  }
+    return write_images(options.output, exr);
+  };
+  const Result<void> fetched = wants_image && last.units_merged() > 0 ? fetch() : Result<void>();
+  const int on_end = run_on_end(context, options.on_end, {ended_job(last)});
+  CANDELA_TRY(fetched);
   if (last.state() != v1::JOB_STATE_DONE) {
     std::string message = fmt::format("job {} is {}", id, wire::name(last.state()));
     if (!last.message().empty()) message += ": " + printable(last.message());
     return failed_error(message);
   }
-  return exit_code_of(last);
+  const int code = exit_code_of(last);
+  return code != 0 ? code : on_end;
 }
 
 }  // namespace candela::client

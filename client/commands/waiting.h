@@ -18,6 +18,7 @@ struct WaitOptions {
   bool chain_layers = false;
   std::string estimator = {};
   v1::FetchImageRequest::Half half = v1::FetchImageRequest::HALF_UNSPECIFIED;
+  std::string on_end = {};  // a command to run when the job has ended; empty: none
 };
 
 // The value of --half, which excludes layers that both halves make.

@@ -16,10 +16,10 @@ namespace {
 struct WatchOptions {
   FarmOptions farm;
   std::vector<std::string> ids;
-  std::optional<std::string> output, png, estimator, half;
+  std::optional<std::string> output, png, estimator, half, on_end;
   PreviewOptions preview;
   bool quiet = false, json = false, error_layer = false, chain_layers = false, partial = false,
-       layers = false, variance_layer = false;
+       layers = false, variance_layer = false, denoise = false;
 };
 
 Result<int> run_watch(Context& context, const WatchOptions& options) {
@@ -27,10 +27,16 @@ Result<int> run_watch(Context& context, const WatchOptions& options) {
   CANDELA_ASSIGN(const std::vector<v1::JobName> jobs, jobs_of_words(*farm, options.ids));
   if (jobs.size() == 1 && !jobs.front().group())
     return wait_for_job(context, *farm, jobs.front().id(),
-                        {options.quiet, options.json, false, {}, options.preview});
+                        {.quiet = options.quiet,
+                         .json = options.json,
+                         .preview = options.preview,
+                         .on_end = options.on_end.value_or("")});
   if (options.preview.tev)
     return usage_error("the viewer shows one job").with_field("--tev").with_mend("watch one job");
-  return wait_for_jobs(context, *farm, jobs, options.quiet, options.json);
+  std::vector<EndedJob> ended;
+  CANDELA_ASSIGN(const int code, wait_for_jobs(context, *farm, jobs, options.quiet, options.json, ended));
+  const int on_end = run_on_end(context, options.on_end.value_or(""), ended);
+  return code != 0 ? code : on_end;
 }
 
 Result<int> run_fetch(Context& context, const WatchOptions& options) {
@@ -47,7 +53,9 @@ Result<int> run_fetch(Context& context, const WatchOptions& options) {
                     {options.output,
                      options.png,
                      {options.error_layer, false, options.chain_layers, options.partial, options.layers,
-                      options.estimator.value_or(""), half, options.variance_layer}});
+                      options.estimator.value_or(""), half, options.variance_layer},
+                     false,
+                     options.denoise});
 }
 
 }  // namespace
@@ -61,6 +69,7 @@ void add_watch(CLI::App& app, Context& context) {
   add_preview_options(*sub, options->preview, false);
   sub->add_flag("--quiet", options->quiet, "Print no progress, only wait");
   sub->add_flag("--json", options->json, "Print the last status as JSON");
+  add_on_end(*sub, options->on_end, "");
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_watch(context, *options); };
   });
@@ -90,6 +99,7 @@ void add_fetch(CLI::App& app, Context& context) {
   add_text(*sub, "--half", options->half,
            "Write the image of one half of the samples, for denoisers that filter each half by the other",
            "A|B");
+  sub->add_flag("--denoise", options->denoise, kDenoiseText);
   sub->add_flag("--partial", options->partial,
                 "Get what is left of a job that has ended and has lost samples (see verify)");
   add_farm_options(*sub, options->farm);

@@ -43,7 +43,7 @@ std::string progress_text(const v1::ListJobsResponse& all) {
 }  // namespace
 
 Result<int> wait_for_jobs(Context& context, FarmClient& farm, const std::vector<v1::JobName>& jobs,
-                          bool quiet, bool json) {
+                          bool quiet, bool json, std::vector<EndedJob>& ended_jobs) {
   const StopSignals signals;
   ProgressLine progress(context.err, ProgressLine::mode_for(quiet));
   v1::ListJobsResponse all;
@@ -76,6 +76,7 @@ Result<int> wait_for_jobs(Context& context, FarmClient& farm, const std::vector<
                 << '\n';
   bool done = true;
   const auto judge = [&](const char* what, const auto& status) {
+    ended_jobs.push_back(ended_job(status));
     if (status.state() == v1::JOB_STATE_DONE) return;
     done = false;
     context.err << fmt::format("candela: {} {} ({}) is {}{}\n", what, printable(status.id()),
@@ -89,6 +90,10 @@ Result<int> wait_for_jobs(Context& context, FarmClient& farm, const std::vector<
 
 Result<int> fetch_jobs(Context& context, FarmClient& farm, const std::vector<v1::JobName>& jobs,
                        const FetchPlan& plan) {
+  std::shared_ptr<const image::Denoiser> denoiser;
+  if (plan.denoise) {
+    CANDELA_ASSIGN(denoiser, image::Denoiser::load());
+  }
   // Frames in place of their groups.
   std::vector<v1::JobStatus> all;
   for (const v1::JobName& job : jobs) {
@@ -127,6 +132,7 @@ Result<int> fetch_jobs(Context& context, FarmClient& farm, const std::vector<v1:
                                       {plan.request.variance_layer, "--variance-layer"},
                                       {plan.request.state_layers, "--layers"},
                                       {plan.request.chain_layers, "--chain-layers"}}));
+    images.denoiser = denoiser;
     CANDELA_TRY(check_output(images));
     for (const std::string& name : {images.exr, images.png})
       if (!name.empty() && !names.insert(name).second)
@@ -140,7 +146,7 @@ Result<int> fetch_jobs(Context& context, FarmClient& farm, const std::vector<v1:
   for (std::size_t i = 0; i < all.size(); ++i) {
     const auto fetch = [&]() -> Result<void> {
       ImageRequest request = plan.request;
-      request.image_only = outputs[i].exr.empty();
+      request.image_only = outputs[i].exr.empty() && !denoiser;
       CANDELA_ASSIGN(const std::string exr, farm.fetch_image(all[i].id(), request));
       return write_images(outputs[i], exr);
     };

@@ -57,6 +57,9 @@ void add_commands(CLI::App& app, Context& context) {
   add_compare(app, context);
   add_convert(app, context);
   add_inspect(app, context);
+  CLI::App& inspect = *app.get_subcommand("inspect");
+  add_inspect_paths(inspect, context);
+  add_inspect_sphere(inspect, context);
   add_doctor(app, context);
   add_completion(app, context);
   add_version(app, context);

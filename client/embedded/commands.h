@@ -1,5 +1,5 @@
 // The commands that bring the renderer along: `render`, a whole farm in this process, `reproduce`, `plan`,
-// and `check`.
+// `check`, and tools of `inspect`.
 #pragma once
 
 #include "client/settings.h"
@@ -16,6 +16,9 @@ void add_render(CLI::App& app, Context& context);
 void add_reproduce(CLI::App& app, Context& context);
 void add_plan(CLI::App& app, Context& context);
 void add_check(CLI::App& app, Context& context);
+// Of the command `inspect`.
+void add_inspect_paths(CLI::App& inspect, Context& context);
+void add_inspect_sphere(CLI::App& inspect, Context& context);
 
 // What the linked renderer says of itself.
 RendererFacts renderer_facts();

@@ -222,7 +222,7 @@ std::string summary(const v1::JobStatus& status, const std::string& output) {
 
 Result<int> run_render(Context& context, const RenderOptions& options) {
   const std::string name = scene_name(options.scene.scene);
-  CANDELA_ASSIGN(const ImageOutput output,
+  CANDELA_ASSIGN(ImageOutput output,
                  outputs_of(options.output.empty() ? std::nullopt : std::optional(options.output),
                             options.png, file_name_of(name)));
   CANDELA_TRY(check_layers(output, {{options.error_layer, "--error-layer"},
@@ -230,6 +230,9 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
                                     {options.layers, "--layers"},
                                     {options.chain_layers, "--chain-layers"}}));
   CANDELA_TRY(check_output(output));
+  if (options.denoise) {
+    CANDELA_ASSIGN(output.denoiser, image::Denoiser::load());
+  }
   const std::string image = output.exr.empty() ? output.png : output.exr;
   CANDELA_ASSIGN(PreviewPlan preview_plan, plan_preview(options.preview, "candela " + name, output.png));
   if (options.resume && options.fresh) return usage_error("--resume and --fresh exclude each other");
@@ -307,7 +310,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   std::string exr;
   if (last.units_merged() > 0) {
     CANDELA_ASSIGN(exr, client->fetch_image(id, {.error_layer = options.error_layer,
-                                                 .image_only = output.exr.empty(),
+                                                 .image_only = output.exr.empty() && !output.denoiser,
                                                  .chain_layers = options.chain_layers,
                                                  .state_layers = options.layers,
                                                  .estimator = options.estimator.value_or(""),
@@ -397,6 +400,7 @@ void add_render(CLI::App& app, Context& context) {
   add_text(*sub, "--half", options->half,
            "Write the image of one half of the samples, for denoisers that filter each half by the other",
            "A|B");
+  sub->add_flag("--denoise", options->denoise, kDenoiseText);
   add_text(*sub, "--page", options->page,
            "Serve a live page of the render on a port of this machine, such as localhost:9090", "HOST:PORT");
   sub->add_flag("--page-stay", options->page_stay,

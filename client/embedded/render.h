@@ -16,7 +16,7 @@ struct RenderOptions {
   std::string output;
   std::optional<std::string> png, page, threads, workers, texture_memory, estimator, half;
   bool resume = false, fresh = false, keep_state = false, quiet = false, json = false, error_layer = false,
-       variance_layer = false, chain_layers = false, layers = false, page_stay = false;
+       variance_layer = false, chain_layers = false, layers = false, page_stay = false, denoise = false;
   bool passing = false;  // the output is not for the user, who is not told of it
   std::function<Result<void>(const LoadedScene&)> check = {};  // before anything is rendered
 };

@@ -76,12 +76,15 @@ SceneOptions scene_options(const RenderCommand& command) {
   out.integrator = s.integrator;
   out.indices = command.indices;
   out.seed = fmt::format("{}", s.seed);
-  out.size = fmt::format("{}x{}", s.width, s.height);
+  out.size = s.crop ? fmt::format("{}x{}", s.crop->whole_width, s.crop->whole_height)
+                    : fmt::format("{}x{}", s.width, s.height);
+  if (s.crop) out.crop = fmt::format("{},{},{},{}", s.crop->x, s.crop->y, s.width, s.height);
   out.filter = s.filter;
   out.sampler = s.sampler;
   out.isa = s.isa;
   out.aov = s.aovs.empty() ? "none" : s.aovs;
   out.layers = {s.layers.empty() ? "none" : s.layers};
+  if (!s.edits.empty()) out.edits = s.edits;
   return out;
 }
 
@@ -108,7 +111,8 @@ Result<void> check_scene(const LoadedScene& scene, const Origin& origin) {
        {std::pair<const char*, std::string>{"settings", text_of(s.integrator_settings)},
         {"filter_settings", text_of(s.filter_settings)},
         {"aovs", s.aovs},
-        {"expressions", s.layers}})
+        {"expressions", s.layers},
+        {"edits", s.edits}})
     if (here != origin.text(name))
       return input_error(fmt::format("{} come out as '{}' here, and were '{}'", name, printable(here),
                                      printable(origin.text(name))))

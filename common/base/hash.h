@@ -1,4 +1,4 @@
-// SHA-256 (OpenSSL): names of blobs, bundles and deltas.
+// SHA-256 (OpenSSL): names of blobs, bundles and deltas; signatures of notices.
 #pragma once
 
 #include <cstddef>
@@ -11,6 +11,8 @@ namespace candela {
 
 // Lower-case hex of the SHA-256 of `data`.
 std::string sha256_hex(std::string_view data);
+// Lower-case hex of the HMAC (RFC 2104) of `data` with SHA-256.
+std::string hmac_sha256_hex(std::string_view key, std::string_view data);
 bool is_sha256_hex(std::string_view text);  // exactly 64 lower-case hex digits
 
 class Sha256 {

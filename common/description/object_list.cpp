@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/description/object_names.h"
+#include "common/edits/selection.h"
 #include "common/letters/automaton.h"
 
 namespace candela::description {
@@ -225,6 +226,14 @@ Result<void> check_layers(const letters::LayerRequest& request, const Object& sc
   const letters::LayerRequest expanded = letters::expand_light_groups(request, objects.lamp_names);
   const auto compiled = letters::Automaton::compile(expanded, objects.names, objects.uses);
   if (!compiled.ok()) return compiled.error();
+  return {};
+}
+
+Result<void> check_edits(const edits::EditList& list, const Object& scene) {
+  if (list.empty()) return {};
+  const LetterObjects objects = letter_objects(scene);
+  for (const edits::Edit& edit : list.edits)
+    CANDELA_TRY(edits::Selection::compile(list, edit, objects.names, objects.uses));
   return {};
 }
 

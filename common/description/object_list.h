@@ -10,6 +10,7 @@
 
 #include "common/base/result.h"
 #include "common/description/object.h"
+#include "common/edits/edits.h"
 #include "common/letters/alphabet.h"
 #include "common/letters/request.h"
 
@@ -26,6 +27,9 @@ LetterObjects letter_objects(const Object& scene);
 // Compiles the expressions with the names of the scene, light groups and all. Errors: those of
 // letters::Automaton.
 Result<void> check_layers(const letters::LayerRequest& request, const Object& scene);
+
+// The same of the expressions of edits. Errors: those of edits::Selection.
+Result<void> check_edits(const edits::EditList& list, const Object& scene);
 
 struct Box {
   Vec3 low{}, high{};

@@ -9,8 +9,8 @@ namespace {
 constexpr const char* kModule = "images";
 
 Result<const ImageCodec*> load() {
-  CANDELA_ASSIGN(void* const function, load_from_module(kModule, "candela_image_codec_2"));
-  return reinterpret_cast<decltype(&candela_image_codec_2)>(function)();
+  CANDELA_ASSIGN(void* const function, load_from_module(kModule, "candela_image_codec_3"));
+  return reinterpret_cast<decltype(&candela_image_codec_3)>(function)();
 }
 
 }  // namespace

@@ -54,8 +54,8 @@ class ImageReader {
 // Gives rows [begin, end) of all channels, interleaved, in the type that was said.
 using RowSource = std::function<void(int begin, int end, void* out)>;
 
-// The readers of formats, by OpenImageIO's names ("jpeg", "tiff"). Functions that fail return null or false
-// and say why; those of the library may also throw std::exception on hostile files.
+// Readers and writers of formats, by OpenImageIO's names ("jpeg", "tiff"). Functions that fail return null or
+// false and say why; those of the library may also throw std::exception on hostile files.
 class ImageCodec {
  public:
   virtual ~ImageCodec() = default;
@@ -66,6 +66,10 @@ class ImageCodec {
   virtual std::unique_ptr<ImageReader> open_bytes(std::string_view bytes, const char* format,
                                                   const std::string& name, bool straight_colors,
                                                   std::string& error) const = 0;
+  // An encoded file of three channels of sRGB, `type` uint8 or uint16, interleaved, row by row from the top.
+  // `quality`: of JPEG, 1 to 100. Empty with `error` if it fails.
+  virtual std::string encode(const char* format, int width, int height, SampleType type, const void* pixels,
+                             int quality, std::string& error) const = 0;
 };
 
 // Loaded once.
@@ -77,4 +81,4 @@ Result<void> check_image_module();
 }  // namespace candela::image
 
 // The module's only symbol. Its number changes with the interface above.
-extern "C" const candela::image::ImageCodec* candela_image_codec_2();
+extern "C" const candela::image::ImageCodec* candela_image_codec_3();

@@ -1,6 +1,7 @@
 // The formats of image files: OpenEXR and PNG by their own libraries, others by the module (codec.h).
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -35,6 +36,12 @@ std::string write_exr(const ImageSpec& spec, const RowSource& rows);
 
 // Three channels of 8-bit sRGB, which `rows` gives. Throws std::exception.
 std::string write_png(const ImageSpec& spec, const RowSource& rows);
+
+// Whether an image may have so many pixels.
+Result<void> check_extent(std::uint64_t width, std::uint64_t height);
+
+// Whether the attribute is one of EXR's own, or a date, and cannot be given to write_exr().
+bool is_reserved_attribute(const std::string& key);
 
 // A text of a file or a library without control characters: errors are one line.
 std::string one_line(std::string text);

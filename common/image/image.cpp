@@ -72,6 +72,8 @@ bool is_reserved(const std::string& key) {
   return std::find(std::begin(kNames), std::end(kNames), key) != std::end(kNames);
 }
 
+}  // namespace
+
 Result<void> check_extent(std::uint64_t width, std::uint64_t height) {
   if (width == 0 || height == 0 || width > Limits::max_extent || height > Limits::max_extent ||
       width * height > Limits::max_pixels) {
@@ -82,6 +84,12 @@ Result<void> check_extent(std::uint64_t width, std::uint64_t height) {
   }
   return {};
 }
+
+bool is_reserved_attribute(const std::string& key) {
+  return is_reserved(key);
+}
+
+namespace {
 
 // Indices of the channels that are red, green and blue; all the same for luminance. Empty if there is no
 // color.
@@ -105,17 +113,24 @@ std::vector<int> color_channels(const ImageSpec& spec) {
 
 // The same for the layer of that name; kZeros for a channel that it lacks.
 constexpr int kZeros = -1;
-std::vector<int> layer_channels(const ImageSpec& spec, const std::string& layer) {
-  for (const std::string_view letters : {"RGB", "XYZ", "UV0", "ZZZ", "YYY", "III"}) {
+// `found`: the letters of the channels, such as "XYZ".
+std::vector<int> layer_channels(const ImageSpec& spec, const std::string& layer,
+                                std::string_view* found = nullptr) {
+  struct Kind {
+    std::string_view wanted, letters;
+  };
+  for (const auto& [wanted, letters] : {Kind{"RGB", "RGB"}, Kind{"XYZ", "XYZ"}, Kind{"UV0", "UV"},
+                                        Kind{"ZZZ", "Z"}, Kind{"YYY", "Y"}, Kind{"III", "I"}}) {
     std::vector<int> channels;
-    for (const char letter : letters) {
+    if (found != nullptr) *found = letters;
+    for (const char letter : wanted) {
       const auto at = std::find(spec.channels.begin(), spec.channels.end(), layer + '.' + letter);
       if (letter == '0')
         channels.push_back(kZeros);
       else if (at != spec.channels.end())
         channels.push_back(static_cast<int>(at - spec.channels.begin()));
     }
-    if (channels.size() == letters.size()) return channels;
+    if (channels.size() == wanted.size()) return channels;
   }
   return {};
 }
@@ -143,9 +158,11 @@ Error no_such_layer(const std::string& layer, const std::vector<std::string>& na
 Result<Image> read_open(ImageReader& input, std::uint64_t file_bytes, const std::string& layer) {
   std::vector<int> channels;
   std::vector<std::string> others;
+  Image image;
   int part = 0;
   for (; input.seek_part(part); ++part) {
-    channels = layer.empty() ? color_channels(input.spec()) : layer_channels(input.spec(), layer);
+    channels =
+        layer.empty() ? color_channels(input.spec()) : layer_channels(input.spec(), layer, &image.letters);
     if (!channels.empty()) break;
     for (std::string& name : layer_names(input.spec())) others.push_back(std::move(name));
   }
@@ -161,7 +178,6 @@ Result<Image> read_open(ImageReader& input, std::uint64_t file_bytes, const std:
   if (spec.width < 0 || spec.height < 0 || spec.depth > 1 || spec.deep) {
     return input_error("the image is not a flat picture");
   }
-  Image image;
   image.width = static_cast<std::uint32_t>(spec.width);
   image.height = static_cast<std::uint32_t>(spec.height);
   CANDELA_TRY(check_extent(image.width, image.height));
@@ -324,43 +340,6 @@ Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::s
     return resource_error("the image to encode does not fit into memory");
   } catch (const std::exception& problem) {
     return failed_error("cannot encode the image as OpenEXR: " + one_line(problem.what()));
-  }
-}
-
-Result<std::string> encode_png(const Image& image, double exposure_stops) {
-  CANDELA_TRY(check_extent(image.width, image.height));
-  const std::size_t pixels = std::size_t{image.width} * image.height;
-  if (image.rgb.size() != pixels * 3)
-    return internal_error("the image to encode has another size than it says");
-  if (!(std::abs(exposure_stops) <= 1000)) {
-    return usage_error("the exposure is not a number of stops between -1000 and 1000").with_field("exposure");
-  }
-  const double factor = std::exp2(exposure_stops);
-  try {
-    const ImageSpec spec{.width = static_cast<int>(image.width),
-                         .height = static_cast<int>(image.height),
-                         .channels = {"R", "G", "B"},
-                         .texts = {}};
-    return write_png(spec, [&](int begin, int end, void* out) {
-      const std::size_t row = std::size_t{image.width} * 3;
-      const float* rgb = &image.rgb[static_cast<std::size_t>(begin) * row];
-      const float* const last = &image.rgb[0] + static_cast<std::size_t>(end) * row;
-      for (auto* to = static_cast<std::uint8_t*>(out); rgb != last; rgb += 3, to += 3) {
-        if (std::isnan(rgb[0]) || std::isnan(rgb[1]) || std::isnan(rgb[2])) {
-          to[0] = to[2] = 255;  // magenta
-          to[1] = 0;
-          continue;
-        }
-        for (std::size_t c = 0; c < 3; ++c) {
-          const double shown = std::clamp(double{rgb[c]} * factor, 0.0, 1.0);
-          to[c] = static_cast<std::uint8_t>(255.0 * double{linear_to_srgb(static_cast<float>(shown))} + 0.5);
-        }
-      }
-    });
-  } catch (const std::bad_alloc&) {
-    return resource_error("the image to encode does not fit into memory");
-  } catch (const std::exception& problem) {
-    return failed_error("cannot encode the image as PNG: " + one_line(problem.what()));
   }
 }
 

@@ -19,6 +19,7 @@ struct Image {
   std::uint32_t height = 0;
   std::vector<float> rgb;                       // width * height * 3
   std::map<std::string, std::string> metadata;  // "candela:*" attributes and what else is text
+  std::string_view letters = "RGB";  // of the channels that `rgb` was made of: RGB, XYZ, UV, Z, Y or I
 };
 
 // An extra named layer in an EXR: channels NAME.R, NAME.G, NAME.B, or one for each of other letters. Its
@@ -56,7 +57,8 @@ Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::s
                                const std::map<std::string, std::string>& metadata,
                                std::span<const Layer> layers = {});
 
-// 8-bit sRGB PNG of the image times 2^exposure, clipped to [0, 1]; NaN shows as magenta. As bytes.
+// 8-bit sRGB PNG (picture.h) of the image times 2^exposure, clipped to [0, 1]; NaN shows as magenta. As
+// bytes.
 Result<std::string> encode_png(const Image& image, double exposure_stops = 0);
 
 // The curves of IEC 61966-2-1, from basic operations alone: the same bits on every machine. Negative values

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,13 @@ namespace candela {
 using SettingsMap = std::map<std::string, std::string>;
 
 // What the pixels depend on, beside the scene bundle.
+// The part of a larger image that a job renders: its size is the job's width and height.
+struct Crop {
+  std::uint32_t x = 0, y = 0;                       // of its upper left pixel
+  std::uint32_t whole_width = 0, whole_height = 0;  // of the image
+  bool operator==(const Crop&) const = default;
+};
+
 struct JobSettings {
   std::string integrator = "path";
   SettingsMap integrator_settings;
@@ -23,7 +31,9 @@ struct JobSettings {
   std::uint64_t seed = 0;
   std::string isa = "avx2";  // the ISA Embree may use
   std::string aovs = {};     // "NAME:KIND,..." (common/job/aov.h); empty: none
-  std::string layers = {};   // by light path expressions (common/letters/request.h); empty: none
+  std::optional<Crop> crop = {};
+  std::string layers = {};  // by light path expressions (common/letters/request.h); empty: none
+  std::string edits = {};   // of light transport, JSON (common/edits/edits.h); empty: none
 };
 
 struct StopRule {

@@ -7,6 +7,7 @@
 #include <charconv>
 #include <functional>
 #include <map>
+#include <optional>
 #include <utility>
 
 #include "common/base/shell_words.h"
@@ -50,13 +51,16 @@ std::vector<std::string> words_of(const RenderCommand& command, std::string_view
   words.emplace_back("--lenient");
   add("--integrator", s.integrator);
   for (const auto& [name, value] : s.integrator_settings) add("--set", name + '=' + value);
-  add("--size", fmt::format("{}x{}", s.width, s.height));
+  add("--size", s.crop ? fmt::format("{}x{}", s.crop->whole_width, s.crop->whole_height)
+                       : fmt::format("{}x{}", s.width, s.height));
+  if (s.crop) add("--crop", fmt::format("{},{},{},{}", s.crop->x, s.crop->y, s.width, s.height));
   add("--filter", s.filter);
   add("--sampler", s.sampler);
   add("--seed", fmt::format("{}", s.seed));
   add("--isa", s.isa);
   add("--aov", s.aovs.empty() ? std::string(kNone) : s.aovs);
   add("--layer", s.layers.empty() ? std::string(kNone) : s.layers);
+  if (!s.edits.empty()) add("--edits", s.edits);
   add("--indices", command.indices);
   if (!command.half.empty()) add("--half", command.half);
   if (!command.estimator.empty()) add("--estimator", command.estimator);
@@ -79,6 +83,7 @@ Result<RenderCommand> parse_render_command(std::string_view line) {
     };
   };
   std::string output;
+  std::optional<std::array<std::uint32_t, 4>> crop;
   const std::map<std::string_view, std::function<bool(const std::string&)>> options{
       {"-o", text(output)},
       {"-D", [&](const std::string& value) { return assign(command.parameters, value); }},
@@ -90,6 +95,16 @@ Result<RenderCommand> parse_render_command(std::string_view line) {
          const std::size_t x = size.find('x');
          return x != std::string_view::npos && parse_whole(size.substr(0, x), s.width) &&
                 parse_whole(size.substr(x + 1), s.height);
+       }},
+      {"--crop",
+       [&](std::string_view value) {
+         crop.emplace();
+         for (std::uint32_t& number : *crop) {
+           const std::string_view one = value.substr(0, value.find(','));
+           if (!parse_whole(one, number)) return false;
+           value.remove_prefix(std::min(value.size(), one.size() + 1));
+         }
+         return value.empty();
        }},
       {"--filter", text(s.filter)},
       {"--sampler", text(s.sampler)},
@@ -105,6 +120,7 @@ Result<RenderCommand> parse_render_command(std::string_view line) {
          s.layers = value == kNone ? "" : value;
          return !value.empty();
        }},
+      {"--edits", text(s.edits)},
       {"--indices", text(command.indices)},
       {"--half", text(command.half)},
       {"--estimator", text(command.estimator)}};
@@ -124,6 +140,11 @@ Result<RenderCommand> parse_render_command(std::string_view line) {
   }
   if (s.width == 0 || s.height == 0 || command.indices.empty())
     return input_error("it lacks --size or --indices");
+  if (crop) {
+    s.crop = Crop{(*crop)[0], (*crop)[1], s.width, s.height};
+    s.width = (*crop)[2];
+    s.height = (*crop)[3];
+  }
   return command;
 }
 

@@ -1,5 +1,8 @@
 #include "common/wire/json.h"
 
+#include <fmt/format.h>
+#include <google/protobuf/util/json_util.h>
+
 #include <map>
 #include <sstream>
 
@@ -69,6 +72,32 @@ Json epochs(const v1::EpochStatus& e) {
   return json;
 }
 
+Json crop(const v1::Crop& c) {
+  return {{"x", c.x()}, {"y", c.y()}, {"whole_width", c.whole_width()}, {"whole_height", c.whole_height()}};
+}
+
+Json settings(const v1::JobSettings& s) {
+  return {{"integrator", s.integrator()},
+          {"integrator_settings", map(s.integrator_settings())},
+          {"width", s.width()},
+          {"height", s.height()},
+          {"crop", s.has_crop() ? crop(s.crop()) : Json(nullptr)},
+          {"filter", s.filter()},
+          {"filter_settings", map(s.filter_settings())},
+          {"sampler", s.sampler()},
+          {"seed", s.seed()},
+          {"isa", s.isa()},
+          {"aovs", s.aovs()},
+          {"layers", s.layers()},
+          {"edits", s.edits()}};
+}
+
+Json ranges(const google::protobuf::RepeatedPtrField<v1::IndexRange>& ranges) {
+  Json json = Json::array();
+  for (const v1::IndexRange& range : ranges) json.push_back({{"begin", range.begin()}, {"end", range.end()}});
+  return json;
+}
+
 Json job(const v1::JobStatus& s) {
   Json json;
   const std::string indices = indices_text(s);
@@ -103,18 +132,7 @@ Json job(const v1::JobStatus& s) {
                   {"time_seconds", limit(s.stop().time_seconds())},
                   {"relmse", limit(s.stop().relmse())},
                   {"indices", indices.empty() ? Json(nullptr) : Json(indices)}};
-  const v1::JobSettings& settings = s.settings();
-  json["settings"] = {{"integrator", settings.integrator()},
-                      {"integrator_settings", map(settings.integrator_settings())},
-                      {"width", settings.width()},
-                      {"height", settings.height()},
-                      {"filter", settings.filter()},
-                      {"filter_settings", map(settings.filter_settings())},
-                      {"sampler", settings.sampler()},
-                      {"seed", settings.seed()},
-                      {"isa", settings.isa()},
-                      {"aovs", settings.aovs()},
-                      {"layers", settings.layers()}};
+  json["settings"] = settings(s.settings());
   json["bundle_sha256"] = s.bundle_sha256();
   json["scene_path"] = s.scene_path();
   json["film_scale_log2"] = s.has_named_state() ? Json(s.named_state().film_scale_log2()) : Json(nullptr);
@@ -303,6 +321,43 @@ std::string report_json(const v1::JobReport& report) {
       .dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
+std::string submission_json(const v1::SubmitRequest& request) {
+  Json files = Json::array();
+  for (const v1::BundleFile& file : request.bundle().files())
+    files.push_back({{"path", file.path()}, {"sha256", file.sha256()}, {"size_bytes", file.size_bytes()}});
+  Json stop;
+  const v1::StopRule& rule = request.stop();
+  stop["iterations"] = rule.iterations() > 0 ? Json(rule.iterations()) : Json(nullptr);
+  stop["time_seconds"] = limit(rule.time_seconds());
+  stop["relmse"] = limit(rule.relmse());
+  if (rule.indices_a_size() + rule.indices_b_size() > 0) {
+    stop["indices_a"] = ranges(rule.indices_a());
+    stop["indices_b"] = ranges(rule.indices_b());
+  }
+  return json_text({{"name", request.name()},
+                    {"bundle",
+                     {{"main_path", request.bundle().main_path()},
+                      {"files", files},
+                      {"parameters", map(request.bundle().parameters())}}},
+                    {"settings", settings(request.settings())},
+                    {"stop", stop},
+                    {"priority", request.priority()},
+                    {"share", finite(request.share())},
+                    {"submitter", request.submitter()},
+                    {"scene_path", request.scene_path()},
+                    {"depends", texts(request.depends())},
+                    {"idempotency_token", request.idempotency_token()}});
+}
+
+Result<v1::SubmitRequest> parse_submission(const std::string& json) {
+  v1::SubmitRequest request;
+  const auto parsed = google::protobuf::util::JsonStringToMessage(json, &request);
+  if (parsed.ok()) return request;
+  return input_error(fmt::format("this is no submission: {}",
+                                 escape_unprintable(std::string(parsed.message()).substr(0, 400))))
+      .with_mend("docs/openapi.json describes it; `candela submit --export` writes one");
+}
+
 std::string page_json(const v1::JobStatus& status) {
   Json json = printable(job(status));
   std::string plan;
@@ -314,6 +369,10 @@ std::string page_json(const v1::JobStatus& status) {
 
 std::string page_json(const v1::WorkerStatus& status) {
   return page_text(printable(worker(status)));
+}
+
+std::string page_json(const v1::GroupStatus& status) {
+  return page_text(printable(group(status)));
 }
 
 }  // namespace candela::wire

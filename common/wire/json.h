@@ -5,6 +5,7 @@
 #include <string>
 
 #include "candela/v1/client.pb.h"
+#include "common/base/result.h"
 
 namespace candela::wire {
 
@@ -21,9 +22,14 @@ std::string events_json(const v1::ListEventsResponse& response);    // {"events"
 // One line.
 std::string report_json(const v1::JobReport& report);
 
-// The same objects as job_json() and worker_json(), compact, for a browser: every text is one printable line,
-// and a plan has lines.
+// A submission as the HTTP API takes it, and back. Its settings have the names and types of a job's.
+std::string submission_json(const v1::SubmitRequest& request);
+Result<v1::SubmitRequest> parse_submission(const std::string& json);
+
+// The same objects as job_json(), worker_json() and group_json(), compact, for a browser: every text is one
+// printable line, and a plan has lines.
 std::string page_json(const v1::JobStatus& status);
 std::string page_json(const v1::WorkerStatus& status);
+std::string page_json(const v1::GroupStatus& status);
 
 }  // namespace candela::wire

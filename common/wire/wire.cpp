@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 
+#include "common/edits/edits.h"
 #include "common/film/layout.h"
 #include "common/job/aov.h"
 #include "common/job/setting_names.h"
@@ -99,6 +100,13 @@ void to_proto(const JobSettings& settings, v1::JobSettings& out) {
   out.set_isa(settings.isa);
   out.set_aovs(settings.aovs);
   out.set_layers(settings.layers);
+  if (settings.crop) {
+    out.mutable_crop()->set_x(settings.crop->x);
+    out.mutable_crop()->set_y(settings.crop->y);
+    out.mutable_crop()->set_whole_width(settings.crop->whole_width);
+    out.mutable_crop()->set_whole_height(settings.crop->whole_height);
+  }
+  out.set_edits(settings.edits);
 }
 
 void to_proto(const StopRule& stop, v1::StopRule& out) {
@@ -160,6 +168,17 @@ Result<JobSettings> from_proto(const v1::JobSettings& message) {
                                                      message.width(), message.height(), Limits::max_pixels));
   settings.width = message.width();
   settings.height = message.height();
+  if (message.has_crop()) {
+    const v1::Crop& crop = message.crop();
+    CANDELA_TRY(check_extent(crop.whole_width(), "settings.crop.whole_width"));
+    CANDELA_TRY(check_extent(crop.whole_height(), "settings.crop.whole_height"));
+    if (settings.width > crop.whole_width() || crop.x() > crop.whole_width() - settings.width ||
+        settings.height > crop.whole_height() || crop.y() > crop.whole_height() - settings.height)
+      return field_error("settings.crop", fmt::format("{} x {} pixels at {}, {} are not within {} x {}",
+                                                      settings.width, settings.height, crop.x(), crop.y(),
+                                                      crop.whole_width(), crop.whole_height()));
+    settings.crop = Crop{crop.x(), crop.y(), crop.whole_width(), crop.whole_height()};
+  }
   CANDELA_TRY(check_one_of(message.filter(), kFilterNames, "settings.filter"));
   settings.filter = message.filter();
   CANDELA_ASSIGN(settings.filter_settings,
@@ -178,6 +197,9 @@ Result<JobSettings> from_proto(const v1::JobSettings& message) {
   const auto layers = letters::parse_layer_request(message.layers());
   if (!layers.ok()) return field_error("settings.layers", layers.error().message);
   settings.layers = text_of(*layers);
+  const auto edits = edits::parse_edits(message.edits());
+  if (!edits.ok()) return field_error("settings.edits", edits.error().to_string());
+  settings.edits = text_of(*edits);
   return settings;
 }
 

@@ -12,6 +12,7 @@ namespace {
 std::string_view reason_of(int code) {
   static constexpr std::pair<int, std::string_view> kReasons[] = {
       {200, "OK"},
+      {201, "Created"},
       {202, "Accepted"},
       {304, "Not Modified"},
       {400, "Bad Request"},
@@ -105,7 +106,7 @@ HttpAnswer error_answer(int code, std::string_view text) {
   return {.code = code, .body = std::string(text) + "\n"};
 }
 
-ParsedRequest parse_request(std::string_view text) {
+ParsedRequest parse_request(std::string_view text, const BodyLimit& limit) {
   std::size_t head_end = text.find("\r\n\r\n"), body_begin = head_end + 4;
   if (const std::size_t bare = text.find("\n\n"); bare < head_end) {
     head_end = bare;
@@ -130,17 +131,26 @@ ParsedRequest parse_request(std::string_view text) {
   if (mark != std::string_view::npos && !add_values(target.substr(mark + 1), request.query))
     return refuse(400, "a % in the query is not followed by two digits");
   read_fields(head.substr(line.size()), request);
-  if (request.method != "POST") return out;
+  if (request.method != "POST" && request.method != "PUT") return out;
   if (!request.field("transfer-encoding").empty()) return refuse(411, "say Content-Length");
   const std::string_view length = request.field("content-length");
-  std::size_t bytes = 0;
+  std::uint64_t bytes = 0;
   if (!length.empty()) {
     const auto [end, error] = std::from_chars(length.data(), length.data() + length.size(), bytes);
     if (error != std::errc() || end != length.data() + length.size())
       return refuse(400, "Content-Length is no number");
   }
-  if (bytes > kMaxBodyBytes) return refuse(413, "a body has at most 4096 bytes");
+  request.body_bytes = bytes;
+  if (request.method == "PUT") return out;
+  const std::size_t most = limit ? limit(request) : 0;
+  if (bytes > std::max(most, kMaxBodyBytes))
+    return refuse(413, fmt::format("a body has at most {} bytes", std::max(most, kMaxBodyBytes)));
   if (text.size() < body_begin + bytes) return {};
+  if (most > 0) {
+    request.body = text.substr(body_begin, bytes);
+    out.bytes += bytes;
+    return out;
+  }
   if (!add_values(text.substr(body_begin, bytes), request.query))
     return refuse(400, "a % in the body is not followed by two digits");
   out.bytes += bytes;
@@ -174,7 +184,8 @@ std::string head_text(const HttpAnswer& answer) {
     text += fmt::format("Content-Disposition: attachment; filename=\"{}\"\r\n", answer.file);
   if (!answer.cookie.empty()) text += fmt::format("Set-Cookie: {}\r\n", answer.cookie);
   if (answer.code == 401) text += "WWW-Authenticate: Bearer\r\n";
-  if (answer.code == 405) text += "Allow: GET, HEAD\r\n";
+  if (answer.code == 405)
+    text += fmt::format("Allow: {}\r\n", answer.allow.empty() ? "GET, HEAD" : answer.allow);
   if (answer.topic.empty()) text += fmt::format("Content-Length: {}\r\n", body.size());
   text += "\r\n";
   return text;

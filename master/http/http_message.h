@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -11,12 +13,14 @@
 namespace candela::master {
 
 inline constexpr std::size_t kMaxHeadBytes = 8192;
-inline constexpr std::size_t kMaxBodyBytes = 4096;
+inline constexpr std::size_t kMaxBodyBytes = 4096;  // of a form
 
 struct HttpRequest {
   std::string method;
   std::string path;                           // decoded, without the query
-  std::map<std::string, std::string> query;   // decoded; of a POST also its body
+  std::map<std::string, std::string> query;   // decoded; of a POST of a form also its body
+  std::string body = {};                      // of a POST that is no form
+  std::uint64_t body_bytes = 0;               // as Content-Length says
   std::map<std::string, std::string> fields;  // by name in lower case; a later one of a name is dropped
   std::string_view field(const std::string& name) const {
     const auto it = fields.find(name);
@@ -34,6 +38,7 @@ struct HttpAnswer {
   bool lasting = false;     // its address will never mean anything else
   std::string file = {};    // the name under which a browser saves it; empty: it shows it
   std::string cookie = {};  // to be set; empty: none
+  std::string allow = {};   // methods, of an answer 405; empty: GET and HEAD
   std::string topic = {};   // not empty: a stream of events, which begins with `body` and stays open
 };
 
@@ -42,7 +47,10 @@ struct ParsedRequest {
   HttpRequest request = {};              // if it is whole and no error
   std::optional<HttpAnswer> error = {};  // what to say to a request that cannot be read
 };
-ParsedRequest parse_request(std::string_view text);
+// Bytes that the body of a POST may have, asked when its head is there; 0: it is a form, with at most
+// kMaxBodyBytes. A PUT is whole with its head: its body is read by who wants it.
+using BodyLimit = std::function<std::size_t(const HttpRequest&)>;
+ParsedRequest parse_request(std::string_view text, const BodyLimit& limit = {});
 
 // Without the body.
 std::string head_text(const HttpAnswer& answer);

@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <chrono>
@@ -32,6 +33,7 @@
 #include "master/farm.h"
 #include "master/http/http_message.h"
 #include "master/http/live_page.h"
+#include "master/http/routes.h"
 
 namespace candela::master {
 namespace {
@@ -45,8 +47,10 @@ constexpr std::size_t kMaxStreamBytes = 4 << 20;        // that a stream's clien
 constexpr auto kRequestTime = std::chrono::seconds(2);  // from connection to the whole request
 constexpr auto kAnswerTime = std::chrono::seconds(10);  // from there until the client has taken the answer
 constexpr double kSlowBytes = 64 << 10;  // a second, that a client of a large answer takes at least
-constexpr auto kLaterTime = std::chrono::seconds(60);   // for an answer that reads files
-constexpr std::size_t kMostAtOnce = 4 << 20;            // of a large answer, before others have their turn
+constexpr auto kLaterTime = std::chrono::seconds(60);  // for an answer that reads files
+constexpr std::size_t kMostAtOnce = 4 << 20;           // of a large answer, before others have their turn
+constexpr std::size_t kUploadAtOnce = 256 << 10;       // of an upload, before others have their turn
+constexpr auto kLingerTime = std::chrono::seconds(2);
 constexpr auto kStreamTime = std::chrono::seconds(15);  // to take what was sent; then a sign of life
 constexpr auto kPause = std::chrono::milliseconds(50);  // after an error of accept() that will pass
 
@@ -59,14 +63,16 @@ HttpAnswer health_of(Farm& farm) {
 // Nothing: the page answers later.
 std::optional<HttpAnswer> answer_to(Farm& farm, LivePage& page, const HttpRequest& request,
                                     std::uint64_t connection) {
-  const bool post = request.method == "POST" && request.path.starts_with("/api/");
-  if (request.method != "GET" && request.method != "HEAD" && !post)
+  const bool changes =
+      (request.method == "POST" || request.method == "PUT") && request.path.starts_with("/api/");
+  if (request.method != "GET" && request.method != "HEAD" && !changes)
     return error_answer(405, "only GET and HEAD");
   try {
-    if (request.path == "/healthz") return health_of(farm);
-    if (request.path == "/metrics")
+    const RouteMatch match = find_route(request.method, request.path);
+    if (match.route != nullptr && match.route->action == Action::health) return health_of(farm);
+    if (match.route != nullptr && match.route->action == Action::metrics)
       return HttpAnswer{.type = "text/plain; version=0.0.4; charset=utf-8", .body = metrics_text(farm)};
-    return page.answer(request, connection);
+    return page.answer(request, match, connection);
   } catch (const std::exception&) {  // out of memory, most of all
     return error_answer(500, "no answer could be made");
   }
@@ -104,6 +110,10 @@ class Server final : public HttpServer {
     std::size_t size() const { return out.size() + (shared ? shared->size() : 0); }
     bool waits = false;  // the page answers later
     bool head = false;
+    std::unique_ptr<BlobUpload> upload = {};  // takes what comes
+    bool sized = false;                       // its deadline knows the size of its body
+    bool lingers = false;    // what the client still sends is passed over, so that it reads the answer
+    bool shut = false;       // the answer is sent, and the client may still send
     std::string topic = {};  // of a stream
     bool over = false;
     std::string peer = {};  // of a stream
@@ -292,16 +302,67 @@ class Server final : public HttpServer {
     drop_finished();
   }
 
-  // The oldest connection that is no stream. (There is one: streams are fewer than connections may be.)
+  // The oldest connection that is no stream and no upload. (There is one: these are fewer than connections
+  // may be.)
   void give_way() {
-    const auto oldest = std::find_if(connections_.begin(), connections_.end(),
-                                     [](const Connection& c) { return c.topic.empty() && !c.over; });
+    const auto oldest = std::find_if(connections_.begin(), connections_.end(), [](const Connection& c) {
+      return c.topic.empty() && !c.upload && !c.over;
+    });
     if (oldest != connections_.end()) oldest->over = true;
     drop_finished();
   }
 
+  // Takes what has come of a blob.
+  void take_upload(Connection& c) {
+    std::array<char, 16384> buffer{};
+    for (std::size_t taken = 0; c.upload && taken < kUploadAtOnce;) {
+      const std::size_t most = std::min<std::uint64_t>(buffer.size(), c.upload->left());
+      const ssize_t n = ::recv(c.socket.get(), buffer.data(), most, 0);
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0 && errno == EAGAIN) return;
+      c.over = n <= 0;
+      if (c.over) return;
+      taken += static_cast<std::size_t>(n);
+      add_to_upload(c, {buffer.data(), static_cast<std::size_t>(n)});
+    }
+  }
+  // After the last byte the page answers later.
+  void add_to_upload(Connection& c, std::string_view data) {
+    const auto refused = c.upload->add(data);
+    c.deadline = Clock::now() + kAnswerTime;
+    if (refused) {
+      c.upload.reset();
+      answer(c, *refused);
+    } else if (c.upload->left() == 0) {
+      c.waits = true;
+      c.deadline = Clock::now() + kLaterTime;
+      page_->finish_upload(std::move(c.upload), c.id);
+    }
+  }
+
+  std::optional<HttpAnswer> begin_upload(Connection& c, const HttpRequest& request) {
+    try {
+      return page_->begin_upload(request, c.upload);
+    } catch (const std::exception&) {
+      return error_answer(500, "no answer could be made");
+    }
+  }
+
   // Reads or writes what can be read or written now.
   void step(Connection& c) {
+    if (c.shut) {
+      std::array<char, 16384> buffer{};
+      for (int i = 0; i < 16; ++i) {
+        const ssize_t n = ::recv(c.socket.get(), buffer.data(), buffer.size(), 0);
+        if (n < 0 && (errno == EAGAIN || errno == EINTR)) return;
+        if (n > 0) continue;
+        c.over = true;
+        return;
+      }
+      return;
+    }
+    if (c.upload) take_upload(c);
+    if (c.upload || c.over) return;
     while (c.out.empty() || (!c.topic.empty() && c.sent == c.out.size())) {
       char buffer[2048];
       const ssize_t n = ::recv(c.socket.get(), buffer, sizeof buffer, 0);
@@ -313,10 +374,30 @@ class Server final : public HttpServer {
       }
       if (c.waits || !c.topic.empty()) return;  // it has been read whole: more means nothing
       c.in.append(buffer, static_cast<std::size_t>(n));
-      ParsedRequest parsed = parse_request(c.in);
+      ParsedRequest parsed = parse_request(c.in, [&](const HttpRequest& head) {
+        const std::size_t most = page_->body_limit(head);
+        // A large body has the time that a slow line needs.
+        const std::uint64_t bytes = std::min<std::uint64_t>(head.body_bytes, most);
+        if (!c.sized)
+          c.deadline += std::chrono::seconds(static_cast<int>(static_cast<double>(bytes) / kSlowBytes));
+        c.sized = true;
+        return most;
+      });
       if (parsed.bytes == 0) continue;
       c.head = parsed.request.method == "HEAD";
-      const auto now = parsed.error ? parsed.error : answer_to(farm_, *page_, parsed.request, c.id);
+      const bool put = !parsed.error && parsed.request.method == "PUT";
+      c.lingers = put || parsed.error;
+      const auto now = parsed.error ? parsed.error
+                       : put        ? begin_upload(c, parsed.request)
+                                    : answer_to(farm_, *page_, parsed.request, c.id);
+      if (c.upload) {
+        const std::string first = c.in.substr(parsed.bytes, c.upload->left());
+        c.in.clear();
+        add_to_upload(c, first);
+        take_upload(c);
+        if (c.upload || c.over) return;
+        continue;
+      }
       if (now) {
         answer(c, *now);
       } else {
@@ -341,7 +422,9 @@ class Server final : public HttpServer {
     }
     if (!c.topic.empty()) return;
     ::shutdown(c.socket.get(), SHUT_WR);
-    c.over = true;
+    c.shut = c.lingers;
+    c.over = !c.lingers;
+    c.deadline = Clock::now() + kLingerTime;
   }
 
   Farm& farm_;

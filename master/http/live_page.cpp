@@ -61,6 +61,13 @@ std::optional<std::uint32_t> number_of(const std::map<std::string, std::string>&
   return value;
 }
 
+HttpAnswer no_route(const RouteMatch& match) {
+  if (!match.other_method) return error_answer(404, "there is no such address: docs/openapi.json has them");
+  HttpAnswer out = error_answer(405, "this address has another method: docs/openapi.json has it");
+  out.allow = "GET, HEAD, POST, PUT";
+  return out;
+}
+
 bool wants_error(const HttpRequest& request) {
   const auto it = request.query.find("kind");
   return it != request.query.end() && it->second == "error";
@@ -105,17 +112,18 @@ LivePage::~LivePage() {
   save_thread_.join();
 }
 
-std::optional<HttpAnswer> LivePage::answer(const HttpRequest& request, std::uint64_t connection) {
+std::optional<HttpAnswer> LivePage::answer(const HttpRequest& request, const RouteMatch& match,
+                                           std::uint64_t connection) {
   if (auto refused = refusal(request)) return refused;
   const std::string& path = request.path;
   if (path.starts_with("/api/")) {
-    if (path == "/api/login" && request.method == "POST") return log_in(request);
-    if (request.method == "POST") return control(request, connection);
+    if (match.route != nullptr && match.route->action == Action::login) return log_in(request);
+    if (request.method == "POST") return control(request, match, connection);
     if (!may_read(request))
       return error_answer(401,
                           "role 'read' is missing: give the page the token in the file 'token' of the "
                           "master's data folder; scripts say Authorization: Bearer TOKEN");
-    return answer_api(request, connection);
+    return answer_api(request, match, connection);
   }
   if (request.method == "POST") return error_answer(405, "only GET and HEAD");
   const bool shell =
@@ -185,57 +193,79 @@ std::optional<HttpAnswer> LivePage::later(std::uint64_t connection, std::functio
   return std::nullopt;
 }
 
-std::optional<HttpAnswer> LivePage::answer_api(const HttpRequest& request, std::uint64_t connection) {
-  const std::string_view path = std::string_view(request.path).substr(5);
-  if (path == "farm")
-    return json_answer(JsonObject()
-                           .add("version", version())
-                           .add("build_id", build_id())
-                           .add("start", start_)
-                           .flag("controls", !options_.token.empty())
-                           .text());
-  if (path == "stream") return open_stream(request);
-  if (path == "jobs") return later(connection, [this, query = request.query] { return list_jobs(query); });
-  if (path == "workers")
-    return later(connection, [this] {
-      std::vector<std::string> rows;
-      for (const auto& [id, row] : worker_rows()) rows.push_back(row);
-      return json_answer("{\"workers\":" + json_array(rows) + "}");
-    });
-  if (path == "throughput") return later(connection, [this] { return json_answer(throughput_json()); });
-  const std::size_t slash = path.find('/');
-  const std::string_view folder = path.substr(0, slash);
-  if (slash == std::string_view::npos || (folder != "jobs" && folder != "workers"))
-    return error_answer(404, "there are farm, jobs, workers, throughput and stream below /api");
-  const std::string rest(path.substr(slash + 1));
-  const std::string id = rest.substr(0, rest.find('/'));
-  const std::string part = id.size() == rest.size() ? "" : rest.substr(id.size() + 1);
-  if (folder == "workers") {
-    if (!part.empty()) return error_answer(404, "a worker has no such part");
-    const auto status = farm_.worker(id);
-    return status ? json_answer(wire::page_json(to_message(*status))) : error_answer(404, "no such worker");
+std::optional<HttpAnswer> LivePage::answer_api(const HttpRequest& request, const RouteMatch& match,
+                                               std::uint64_t connection) {
+  if (match.route == nullptr) return no_route(match);
+  const std::string& id = match.part;
+  const auto job_is_there = [&] {
+    return farm_.with_scheduler([&](Scheduler& s) { return s.job(id) != nullptr; });
+  };
+  const auto no_job = [] { return error_answer(404, "no such job"); };
+  const Action action = match.route->action;
+  switch (action) {
+    case Action::farm:
+      return json_answer(JsonObject()
+                             .add("version", version())
+                             .add("build_id", build_id())
+                             .add("start", start_)
+                             .flag("controls", !options_.token.empty())
+                             .text());
+    case Action::stream:
+      return open_stream(request);
+    case Action::jobs:
+      return later(connection, [this, query = request.query] { return list_jobs(query); });
+    case Action::workers:
+      return later(connection, [this] {
+        std::vector<std::string> rows;
+        for (const auto& [worker, row] : worker_rows()) rows.push_back(row);
+        return json_answer("{\"workers\":" + json_array(rows) + "}");
+      });
+    case Action::worker: {
+      const auto status = farm_.worker(id);
+      return status ? json_answer(wire::page_json(to_message(*status))) : error_answer(404, "no such worker");
+    }
+    case Action::throughput:
+      return later(connection, [this] { return json_answer(throughput_json()); });
+    case Action::groups:
+      return later(connection, [this] { return list_groups(); });
+    case Action::group: {
+      const auto status = farm_.group_status(id);
+      return status ? json_answer(wire::page_json(to_message(*status))) : error_answer(404, "no such group");
+    }
+    case Action::blob: {
+      if (!is_sha256_hex(id)) return error_answer(400, "a blob is named by 64 lower-case hex digits");
+      farm_.blobs().use(id);
+      const auto size = farm_.blobs().size(id);
+      return size ? json_answer(JsonObject().add("sha256", id).count("size_bytes", *size).text())
+                  : error_answer(404, "no such blob");
+    }
+    case Action::tile:
+      return tile(request, id);
+    case Action::pixel:
+      return pixel(request, id);
+    case Action::name: {
+      const auto name = farm_.with_scheduler([&](Scheduler& s) -> std::optional<std::string> {
+        const Job* job = s.job(id);
+        return job == nullptr ? std::nullopt : std::optional(job->row.name);
+      });
+      return name ? json_answer(JsonObject().add("name", *name).text()) : no_job();
+    }
+    case Action::thumbnail:
+      return job_is_there() ? thumbnail(request, id, connection) : no_job();
+    case Action::exr:
+    case Action::png:
+      return job_is_there() ? download(request, id, action == Action::png, connection) : no_job();
+    case Action::details:
+      if (!job_is_there()) return no_job();
+      return later(connection, [this, id] { return json_answer(details_of(id)); });
+    case Action::job:
+      return later(connection, [this, id] {
+        const auto status = farm_.full_status(id);
+        return status ? json_answer(wire::page_json(to_message(*status))) : error_answer(404, "no such job");
+      });
+    default:
+      return no_route(match);
   }
-  if (part == "tile") return tile(request, id);
-  if (part == "pixel") return pixel(request, id);
-  const bool exr = part == "image.exr", png = part == "image.png", thumb = part == "thumbnail";
-  if (part != "" && part != "details" && part != "name" && !exr && !png && !thumb)
-    return error_answer(404, "a job has name, details, thumbnail, image.exr, image.png, tile and pixel");
-  if (part == "name") {
-    const auto name = farm_.with_scheduler([&](Scheduler& s) -> std::optional<std::string> {
-      const Job* job = s.job(id);
-      return job == nullptr ? std::nullopt : std::optional(job->row.name);
-    });
-    return name ? json_answer(JsonObject().add("name", *name).text()) : error_answer(404, "no such job");
-  }
-  if (!farm_.with_scheduler([&](Scheduler& s) { return s.job(id) != nullptr; }))
-    return error_answer(404, "no such job");
-  if (thumb) return thumbnail(request, id, connection);
-  if (exr || png) return download(request, id, png, connection);
-  return later(connection, [this, id, part] {
-    if (part == "details") return json_answer(details_of(id));
-    const auto status = farm_.full_status(id);
-    return status ? json_answer(wire::page_json(to_message(*status))) : error_answer(404, "no such job");
-  });
 }
 
 HttpAnswer LivePage::open_stream(const HttpRequest& request) {
@@ -303,32 +333,56 @@ HttpAnswer LivePage::pixel(const HttpRequest& request, const std::string& job_id
                          .text());
 }
 
-std::optional<HttpAnswer> LivePage::control(const HttpRequest& request, std::uint64_t connection) {
+std::optional<HttpAnswer> LivePage::may_not_change(const HttpRequest& request) const {
   if (options_.token.empty())
     return error_answer(403, "this page is read-only: the master has no --page-token-file");
   const std::string_view given = request.field("authorization");
   if (!given.starts_with("Bearer ")) return error_answer(401, "say Authorization: Bearer TOKEN");
   if (!wire::same_token(given.substr(7), options_.token)) return error_answer(403, "this is not the token");
-  if (request.path == "/api/check") return json_answer("{}");
-  // /api/jobs/ID/VERB, /api/workers/ID/drain
-  const std::string_view path = std::string_view(request.path).substr(5);
-  const std::size_t first = path.find('/'), last = path.rfind('/');
-  if (first == std::string_view::npos || first == last) return error_answer(404, "there is no such control");
-  const std::string_view folder = path.substr(0, first);
-  const std::string id(path.substr(first + 1, last - first - 1)), verb(path.substr(last + 1));
-  if (folder == "workers" && verb == "drain") {
-    if (!farm_.worker(id)) return error_answer(404, "no such worker");
-    const auto drained = farm_.with_scheduler([&](Scheduler& s) { return s.drain(id, farm_.now()); });
-    if (!drained.ok()) return error_answer(409, drained.error().to_string());
-    return json_answer("{}");
-  }
-  if (folder != "jobs") return error_answer(404, "there is no such control");
-  if (!farm_.with_scheduler([&](Scheduler& s) { return s.job(id) != nullptr; }))
-    return error_answer(404, "no such job");
-  return later(connection, [this, id, verb, query = request.query] { return change(id, verb, query); });
+  return std::nullopt;
 }
 
-HttpAnswer LivePage::change(const std::string& id, const std::string& verb,
+std::optional<HttpAnswer> LivePage::control(const HttpRequest& request, const RouteMatch& match,
+                                            std::uint64_t connection) {
+  if (auto refused = may_not_change(request)) return refused;
+  if (match.route == nullptr) return no_route(match);
+  const std::string& id = match.part;
+  switch (match.route->action) {
+    case Action::check:
+      return json_answer("{}");
+    case Action::submit:
+      return later(connection, [this, json = request.body] { return submit(json); });
+    case Action::drain: {
+      if (!farm_.worker(id)) return error_answer(404, "no such worker");
+      const auto drained = farm_.with_scheduler([&](Scheduler& s) { return s.drain(id, farm_.now()); });
+      if (!drained.ok()) return error_answer(409, drained.error().to_string());
+      return json_answer("{}");
+    }
+    case Action::steer_job:
+    case Action::steer_group: {
+      const bool group = match.route->action == Action::steer_group;
+      if (!farm_.with_scheduler(
+              [&](Scheduler& s) { return group ? s.groups().contains(id) : s.job(id) != nullptr; }))
+        return error_answer(404, group ? "no such group" : "no such job");
+      return later(connection, [this, id, group, verb = match.verb(), query = request.query] {
+        return change(id, verb, group, query);
+      });
+    }
+    default:
+      return no_route(match);
+  }
+}
+
+namespace {
+
+template <class Status>
+HttpAnswer answer_of(const Result<Status>& status) {
+  return status.ok() ? json_answer(wire::page_json(to_message(*status))) : error_of(status.error());
+}
+
+}  // namespace
+
+HttpAnswer LivePage::change(const std::string& id, std::string_view verb, bool group,
                             const std::map<std::string, std::string>& values) {
   if (farm_.stopping()) return error_answer(503, "the master is stopping");
   // Nothing for a value that is no number; 0 where there is none.
@@ -341,35 +395,38 @@ HttpAnswer LivePage::change(const std::string& id, const std::string& verb,
     if (error != std::errc() || at != end || !std::isfinite(value)) return std::nullopt;
     return value;
   };
-  Result<JobStatus> status = usage_error("there is no such control");
-  if (verb == "pause")
-    status = farm_.change_job(id, [&](Scheduler& s, Now t) { return s.pause(id, t); });
-  else if (verb == "resume")
-    status = farm_.resume(id);
-  else if (verb == "cancel")
-    status = farm_.change_job(id, [&](Scheduler& s, Now t) { return s.cancel(id, t); });
-  else if (verb == "priority") {
+  using Kind = GroupAction::Kind;
+  GroupAction action;
+  if (verb == "priority") {
     const auto priority = number("priority");
     if (!priority || std::abs(*priority) > 1e9 || *priority != std::floor(*priority) ||
         !values.contains("priority"))
       return error_answer(400, "priority must be an integer");
-    status = farm_.change_job(
-        id, [&](Scheduler& s, Now t) { return s.set_priority(id, static_cast<std::int32_t>(*priority), t); });
+    action = {Kind::priority, static_cast<std::int32_t>(*priority), {}};
   } else if (verb == "extend") {
     const auto iterations = number("iterations"), seconds = number("seconds"), relmse = number("relmse");
     if (!iterations || !seconds || !relmse || *iterations < 0 || *iterations > 1e15 ||
         *iterations != std::floor(*iterations))
       return error_answer(400, "iterations must be an integer, seconds and relmse numbers, 0 or more");
-    status = farm_.extend(id, {static_cast<std::uint64_t>(*iterations), *seconds, *relmse});
+    action = {Kind::extend, 0, {static_cast<std::uint64_t>(*iterations), *seconds, *relmse}};
   } else {
-    return error_answer(404, "there is no such control");
+    action.kind = verb == "pause" ? Kind::pause : verb == "resume" ? Kind::resume : Kind::cancel;
   }
-  if (status.ok()) return json_answer(wire::page_json(to_message(*status)));
-  const ErrorKind kind = status.error().kind;
-  return error_answer(kind == ErrorKind::input || kind == ErrorKind::usage ? 400
-                      : kind == ErrorKind::refused                         ? 409
-                                                                           : 503,
-                      status.error().to_string());
+  if (group) return answer_of(farm_.steer_group(id, action));
+  switch (action.kind) {
+    case Kind::pause:
+      return answer_of(farm_.change_job(id, [&](Scheduler& s, Now t) { return s.pause(id, t); }));
+    case Kind::resume:
+      return answer_of(farm_.resume(id));
+    case Kind::cancel:
+      return answer_of(farm_.change_job(id, [&](Scheduler& s, Now t) { return s.cancel(id, t); }));
+    case Kind::priority:
+      return answer_of(
+          farm_.change_job(id, [&](Scheduler& s, Now t) { return s.set_priority(id, action.priority, t); }));
+    case Kind::extend:
+      break;
+  }
+  return answer_of(farm_.extend(id, action.extension));
 }
 
 }  // namespace candela::master

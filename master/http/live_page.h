@@ -20,9 +20,11 @@
 #include "common/base/result.h"
 #include "master/http/http_message.h"
 #include "master/http/pictures.h"
+#include "master/http/routes.h"
 #include "master/http/thumbnails.h"
 #include "master/http/wall.h"
 #include "master/jobs/image_memory.h"
+#include "master/store/blob_store.h"
 
 namespace candela::master {
 
@@ -36,6 +38,30 @@ struct PageOptions {
 // Errors (usage): those of wire::read_token_file().
 Result<std::string> read_page_token(const std::string& file);
 
+// A blob that comes. Made by LivePage::begin_upload(), and used on the thread of the server.
+class BlobUpload {
+ public:
+  BlobUpload(std::unique_ptr<BlobStore::Upload> upload, std::string sha256, std::uint64_t bytes,
+             std::shared_ptr<int> turn)
+      : upload_(std::move(upload)),
+        sha256_(std::move(sha256)),
+        bytes_(bytes),
+        left_(bytes),
+        turn_(std::move(turn)) {}
+  std::uint64_t left() const { return left_; }
+  // What to say if it cannot go on. Precondition: no more than left().
+  std::optional<HttpAnswer> add(std::string_view data);
+
+ private:
+  friend class LivePage;
+  std::unique_ptr<BlobStore::Upload> upload_;
+  std::string sha256_;
+  std::uint64_t bytes_, left_;
+  std::shared_ptr<int> turn_;
+};
+
+HttpAnswer error_of(const Error& error);
+
 class LivePage {
  public:
   // Both from any thread.
@@ -47,7 +73,14 @@ class LivePage {
   ~LivePage();
 
   // Nothing: the answer comes later, by Out::answer.
-  std::optional<HttpAnswer> answer(const HttpRequest& request, std::uint64_t connection);
+  std::optional<HttpAnswer> answer(const HttpRequest& request, const RouteMatch& match,
+                                   std::uint64_t connection);
+  // As BodyLimit says. Only who may submit may send a large body.
+  std::size_t body_limit(const HttpRequest& head) const;
+  // The answer to a PUT, or `upload`, which takes its body.
+  std::optional<HttpAnswer> begin_upload(const HttpRequest& request, std::unique_ptr<BlobUpload>& upload);
+  // Precondition: nothing is left of it.
+  void finish_upload(std::unique_ptr<BlobUpload> upload, std::uint64_t connection);
   void opened(const std::string& topic);
   void closed(const std::string& topic);
 
@@ -74,8 +107,15 @@ class LivePage {
   using Rows = std::map<std::string, std::string>;  // by id: JSON
   using Task = std::function<void()>;
 
-  std::optional<HttpAnswer> answer_api(const HttpRequest& request, std::uint64_t connection);
-  std::optional<HttpAnswer> control(const HttpRequest& request, std::uint64_t connection);
+  std::optional<HttpAnswer> answer_api(const HttpRequest& request, const RouteMatch& match,
+                                       std::uint64_t connection);
+  std::optional<HttpAnswer> control(const HttpRequest& request, const RouteMatch& match,
+                                    std::uint64_t connection);
+  // Why the request may change nothing; nothing: it may.
+  std::optional<HttpAnswer> may_not_change(const HttpRequest& request) const;
+  HttpAnswer submit(const std::string& json);
+  HttpAnswer list_groups();
+  HttpAnswer finished(BlobUpload& upload);
   HttpAnswer open_stream(const HttpRequest& request);
   HttpAnswer tile(const HttpRequest& request, const std::string& job_id);
   HttpAnswer pixel(const HttpRequest& request, const std::string& job_id);
@@ -121,7 +161,7 @@ class LivePage {
   std::string throughput_json() const;
   Rows worker_rows();
   HttpAnswer list_jobs(const std::map<std::string, std::string>& query);
-  HttpAnswer change(const std::string& id, const std::string& verb,
+  HttpAnswer change(const std::string& id, std::string_view verb, bool group,
                     const std::map<std::string, std::string>& values);
 
   Farm& farm_;
@@ -144,6 +184,7 @@ class LivePage {
   ImageMemory picture_memory_;  // of pictures that are kept or shown
   ThumbnailMemory thumbnails_;
   const std::shared_ptr<int> downloads_ = std::make_shared<int>(0);  // one more owner for each under way
+  const std::shared_ptr<int> uploads_ = std::make_shared<int>(0);    // as downloads_
   // Members for the thread of the page alone:
   std::list<Kept> kept_;                                     // the last made first
   std::deque<std::string> wanted_;                           // jobs whose thumbnails are to be made

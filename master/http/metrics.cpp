@@ -102,6 +102,12 @@ std::string metrics_text(Farm& farm) {
                static_cast<double>(c.blob_bytes_collected));
   page.gauge("candela_blobs", "scene files that the latest collection kept", static_cast<double>(c.blobs));
   page.gauge("candela_blob_bytes", "bytes of those", static_cast<double>(c.blob_bytes));
+  for (const auto& [result, n] :
+       {std::pair("sent", &c.notices.sent), {"refused", &c.notices.refused}, {"dropped", &c.notices.dropped}})
+    page.counter("candela_notices_total", "notices by what came of them", static_cast<double>(*n),
+                 {{"result", result}});
+  page.counter("candela_notice_retries_total", "tries of notices that failed and come again",
+               static_cast<double>(c.notices.retries));
   page.gauge("candela_merge_queue_bytes", "bytes of deltas under way",
              static_cast<double>(farm.gate().bytes_under_way()));
   page.gauge("candela_merge_queue_limit_bytes", "bytes of deltas that may be under way",

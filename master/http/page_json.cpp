@@ -87,6 +87,13 @@ std::string job_line_json(const Scheduler& scheduler, const Job& job, Now now) {
       .json("finished_unix_ms",
             has_ended(r.state) && r.finished_unix_ms > 0 ? std::to_string(r.finished_unix_ms) : "null")
       .add("message", scheduler.message_of(job, now))
+      .json("group", r.frame ? JsonObject()
+                                   .add("id", r.frame->group_id)
+                                   .add("name", r.frame->group_name)
+                                   .number("frame", r.frame->frame)
+                                   .count("frames", r.frame->frames)
+                                   .text()
+                             : "null")
       .count("workers", job.under_way)
       .add("turn", turn_of(job).value_or(std::nan("")))
       .json("thumbnail", thumbnail.empty() ? "null" : json_string(thumbnail))

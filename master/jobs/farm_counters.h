@@ -9,6 +9,14 @@
 
 namespace candela::master {
 
+// Of notices (master/http/notices.h).
+struct NoticeCounters {
+  std::atomic<std::uint64_t> sent{0};     // taken by the receiver
+  std::atomic<std::uint64_t> refused{0};  // by the receiver, for good
+  std::atomic<std::uint64_t> dropped{0};  // too old or too many
+  std::atomic<std::uint64_t> retries{0};  // failed tries of notices that stayed
+};
+
 struct FarmCounters {
   std::array<std::atomic<std::uint64_t>, kDeltaVerdicts> verdicts{};  // index: index_of(DeltaVerdict)
   std::atomic<std::uint64_t> delta_bytes{0};
@@ -21,6 +29,7 @@ struct FarmCounters {
   std::atomic<std::uint64_t> damaged_blobs{0};
   std::atomic<std::uint64_t> jobs_removed{0};
   std::atomic<std::uint64_t> blobs_collected{0}, blob_bytes_collected{0};
+  NoticeCounters notices;
   std::atomic<std::uint64_t> blobs{0}, blob_bytes{0};  // that were kept by the latest collection
 };
 

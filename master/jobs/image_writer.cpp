@@ -141,6 +141,9 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   m["candela:integrator"] = s.integrator;
   m["candela:settings"] = text_of(s.integrator_settings);
   m["candela:size"] = fmt::format("{}x{}", s.width, s.height);
+  if (s.crop)
+    m["candela:crop"] = fmt::format("{},{},{},{} of {}x{}", s.crop->x, s.crop->y, s.width, s.height,
+                                    s.crop->whole_width, s.crop->whole_height);
   m["candela:filter"] = s.filter;
   m["candela:filter_settings"] = text_of(s.filter_settings);
   m["candela:sampler"] = s.sampler;
@@ -148,6 +151,7 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   m["candela:isa"] = s.isa;
   if (!s.aovs.empty()) m["candela:aovs"] = s.aovs;
   if (!s.layers.empty()) m["candela:expressions"] = s.layers;
+  if (!s.edits.empty()) m["candela:edits"] = s.edits;
   const bool whole = parts.which == Which::both;
   m["candela:iterations"] = std::to_string(whole ? row.iterations_of(film.iterations())
                                                  : merged_in(film, parts.which) / row.per_round());

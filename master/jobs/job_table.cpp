@@ -23,11 +23,12 @@ void log_event(const EventRow& e) {
 }  // namespace
 
 JobTable::JobTable(std::unique_ptr<Scheduler> scheduler, StoreWriter& writer, std::filesystem::path folder,
-                   FileWriter film_writer, SchedulerObserver observer)
+                   FileWriter film_writer, SchedulerObserver observer, ChangeListener listener)
     : writer_(writer),
       folder_(std::move(folder)),
       film_writer_(std::move(film_writer)),
       observer_(std::move(observer)),
+      listener_(std::move(listener)),
       scheduler_(std::move(scheduler)) {}
 
 Now JobTable::now() {
@@ -76,6 +77,7 @@ void JobTable::publish() noexcept {
     unpublished_ = scheduler_->take_changes();
     for (const Change& c : unpublished_)
       if (const auto* e = std::get_if<AddEvent>(&c)) log_event(e->row);
+    if (listener_ && !unpublished_.empty()) listener_(*scheduler_, unpublished_);
     writer_.enqueue(unpublished_);
   } catch (const std::bad_alloc&) {
   }

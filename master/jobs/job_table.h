@@ -11,6 +11,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -24,13 +25,16 @@
 
 namespace candela::master {
 
+// Sees the changes of a call under the lock, before they go to the store. It must not wait for anything.
+using ChangeListener = std::function<void(const Scheduler&, std::span<const Change>)>;
+
 using JobFilms = std::map<std::string, std::shared_ptr<JobFilm>>;  // by job
 
 class JobTable {
  public:
   // `folder` holds one folder for each job. `film_writer` writes checkpoints.
   JobTable(std::unique_ptr<Scheduler> scheduler, StoreWriter& writer, std::filesystem::path folder,
-           FileWriter film_writer, SchedulerObserver observer);
+           FileWriter film_writer, SchedulerObserver observer, ChangeListener listener);
 
   static Now now();
 
@@ -73,6 +77,7 @@ class JobTable {
   const std::filesystem::path folder_;
   const FileWriter film_writer_;
   const SchedulerObserver observer_;
+  const ChangeListener listener_;
 
   std::condition_variable changed_;
   mutable Mutex mutex_;

@@ -27,9 +27,9 @@ namespace {
 
 // Options as written; empty if not given.
 struct Texts {
-  std::string listen, data, http, page_token_file, tls_cert, tls_key, tls_ca, checkpoint_interval, lease_time,
-      unit_time, stuck_after, merge_queue, memory, statistics_memory, keep_finished, audit, log_level,
-      log_format;
+  std::string listen, data, http, page_token_file, notify, notify_secret_file, tls_cert, tls_key, tls_ca,
+      checkpoint_interval, lease_time, unit_time, stuck_after, merge_queue, memory, statistics_memory,
+      keep_finished, audit, log_level, log_format;
   bool insecure = false;
 };
 
@@ -53,10 +53,27 @@ void allow_many_files() {
 }
 
 Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts) {
-  CANDELA_TRY(settings.check_names({"listen", "data", "http", "page-token-file", "tls-cert", "tls-key",
-                                    "tls-ca", "insecure", "checkpoint-interval", "lease-time", "unit-time",
-                                    "stuck-after", "merge-queue", "memory", "statistics-memory",
-                                    "keep-finished", "audit", "log-level", "log-format"}));
+  CANDELA_TRY(settings.check_names({"listen",
+                                    "data",
+                                    "http",
+                                    "page-token-file",
+                                    "notify",
+                                    "notify-secret-file",
+                                    "tls-cert",
+                                    "tls-key",
+                                    "tls-ca",
+                                    "insecure",
+                                    "checkpoint-interval",
+                                    "lease-time",
+                                    "unit-time",
+                                    "stuck-after",
+                                    "merge-queue",
+                                    "memory",
+                                    "statistics-memory",
+                                    "keep-finished",
+                                    "audit",
+                                    "log-level",
+                                    "log-format"}));
   // $CANDELA_LISTEN is read, $CANDELA_MASTER is not: it names a master to call, not one to be.
   const auto choose_shared = [&](const std::string& option, const std::string& given) {
     return settings.choose(option, given, DaemonSettings::Scope::shared);
@@ -72,6 +89,8 @@ Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts
     return usage_error("no data folder is given").with_mend("use --data DIR or set $CANDELA_MASTER_DATA");
   options.http_listen = choose("http", texts.http).value;
   options.page_token_file = choose("page-token-file", texts.page_token_file).value;
+  options.notify = choose("notify", texts.notify).value;
+  options.notify_secret_file = choose("notify-secret-file", texts.notify_secret_file).value;
   options.tls_cert = choose_shared("tls-cert", texts.tls_cert).value;
   options.tls_key = choose_shared("tls-key", texts.tls_key).value;
   options.tls_ca = choose_shared("tls-ca", texts.tls_ca).value;
@@ -192,6 +211,14 @@ int run_master(int argc, char** argv, const SchedulerObserver& observer) {
       ->type_name("HOST:PORT");
   app.add_option("--page-token-file", texts.page_token_file,
                  "file with the token that lets the page change jobs (default: the page is read-only)")
+      ->type_name("FILE");
+  app.add_option("--notify", texts.notify,
+                 "POST a notice here when a job or group has ended, a worker is lost, work waits without a "
+                 "worker, or the disk is nearly full (default: none)")
+      ->type_name("URL");
+  app.add_option("--notify-secret-file", texts.notify_secret_file,
+                 "file with the secret that signs notices (default: notify-secret in the data folder, made "
+                 "at the first start)")
       ->type_name("FILE");
   app.add_option("--tls-cert", texts.tls_cert, "this master's certificate (PEM)")->type_name("FILE");
   app.add_option("--tls-key", texts.tls_key, "its private key (PEM)")->type_name("FILE");

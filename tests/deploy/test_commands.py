@@ -18,14 +18,17 @@ from apart import eventually, own_namespaces
 from manifests import PROGRAMS, SOURCE
 
 TEST = "deploy_commands"
-PAGES = ("farm", "keeping", "page", "failures")
+PACKAGES = Path(os.environ["CANDELA_PACKAGES"])  # made by the test deploy_make_DEB
+PAGES = ("farm", "services", "keeping", "page", "failures")
 SCENE = SOURCE / "deploy/scenes/cornell/scene.xml"
 PAGE_OF_FARM = (SOURCE / "docs/farm.md").read_text()
+PAGE_OF_SERVICES = (SOURCE / "docs/services.md").read_text()
 STAY = re.compile(r"candela-(master(?! backup)|worker) ")  # commands that do not end by themselves
 
-# Commands within sentences of farm.md: None: run here too; else the test that runs the like, and a word of it.
+# Commands within sentences of farm.md and services.md: None: run here too; else the test that runs the like, and a word of it.
 WITHIN = {
     "candela workers --wanted": None,
+    "candela tls add carol --role read": None,
     "candela render": ("tests/slurm/test_slurm.py", '"render"'),
     "ctest -L deploy": ("tests/deploy/CMakeLists.txt", "LABELS deploy"),
     "ctest -L slurm": ("tests/slurm/CMakeLists.txt", "LABELS"),
@@ -37,25 +40,75 @@ WITHIN = {
 PROGRAM = re.compile(r"(candela|candela-master|candela-worker|ctest|scancel|sbatch|kubectl|ssh|systemctl|curl|openssl)( (?!-?-?$)|$)")
 
 SYSTEMCTL = """#!/bin/bash
-# What systemd does for one unit: the environment that it promises, ExecStart, and the signal that ExecReload sends.
+# What systemd does for units: the user, the environment that it promises, ExecStart, and the signals of the units.
 set -euo pipefail
-unit_file() { local name="${1%%@*}"; [[ $1 == *@* ]] && name="$name@"; echo "/etc/systemd/system/$name.service"; }
-case "$1" in
-  daemon-reload) systemd-analyze verify --man=no /etc/systemd/system/candela*.service ;;
+unit_file() {
+  local name="${1%%@*}" folder
+  [[ $1 == *@* ]] && name="$name@"
+  for folder in /etc /usr/lib; do
+    [[ -f $folder/systemd/system/$name.service ]] && echo "$folder/systemd/system/$name.service" && return
+  done
+  echo "there is no unit $1" >&2
+  return 1
+}
+start() {
+  local file line
+  file="$(unit_file "$1")"
+  grep -qx User=candela "$file"
+  line="$(sed -n 's/^ExecStart=//p' "$file")"
+  line="${line//%i/${1#*@}}"
+  export STATE_DIRECTORY=/var/lib/candela CACHE_DIRECTORY=/var/cache/candela HOME=/var/lib/candela
+  install -d -m 700 "$STATE_DIRECTORY" "$CACHE_DIRECTORY"
+  chown -R candela:candela "$STATE_DIRECTORY" "$CACHE_DIRECTORY"
+  unset CANDELA_TLS_CERT CANDELA_TLS_KEY CANDELA_TLS_CA CANDELA_MASTER XDG_STATE_HOME
+  eval "exec setpriv --reuid=candela --regid=candela --init-groups -- $line" </dev/null >"/var/log/${1%%@*}.log" 2>&1 &
+  echo $! >"/run/${1%%@*}.pid"
+  echo "$1" >"/run/${1%%@*}.unit"
+  # A reader's next command comes some seconds later.
+  for _ in {1..600}; do grep -qE 'listening on|registered as' "/var/log/${1%%@*}.log" && return; sleep 0.1; done
+}
+stop() {
+  local pid
+  [[ -f /run/$1.pid ]] || return 0
+  pid="$(cat "/run/$1.pid")"
+  kill "$pid" 2>/dev/null || true
+  for _ in {1..1200}; do [[ -e /proc/$pid ]] || break; sleep 0.1; done
+  rm "/run/$1.pid"
+}
+command="$1"
+shift
+case "$command" in
+  daemon-reload)
+    shopt -s nullglob
+    units=(/etc/systemd/system/candela*.service /usr/lib/systemd/system/candela*.service)
+    [[ ${#units[@]} == 0 ]] || systemd-analyze verify --man=no "${units[@]}" ;;
   enable)
-    shift; [[ $1 == --now ]] && shift
-    line="$(sed -n 's/^ExecStart=//p' "$(unit_file "$1")")"
-    line="${line//%i/${1#*@}}"
-    export STATE_DIRECTORY=/var/lib/candela CACHE_DIRECTORY=/var/cache/candela
-    mkdir -p "$STATE_DIRECTORY" "$CACHE_DIRECTORY"
-    eval "exec $line" </dev/null >"/var/log/${1%%@*}.log" 2>&1 &
-    echo $! >"/run/${1%%@*}.pid"
-    # A reader's next command comes some seconds later.
-    for _ in {1..600}; do grep -qE 'listening on|registered as' "/var/log/${1%%@*}.log" && break; sleep 0.1; done ;;
+    [[ $1 == --now ]] && shift
+    for unit; do start "$unit"; done ;;
   reload)
-    MAINPID="$(cat "/run/$2.pid")"
-    eval "$(sed -n 's/^ExecReload=//p' "$(unit_file "$2")")" ;;
-  *) echo "systemctl $*: unknown here" >&2; exit 1 ;;
+    MAINPID="$(cat "/run/$1.pid")"
+    eval "$(sed -n 's/^ExecReload=//p' "$(unit_file "$1")")" ;;
+  try-restart)  # of what runs, in the order that is asked for
+    for unit; do
+      name="${unit%%[@.]*}"
+      [[ -f /run/$name.pid ]] || continue
+      stop "$name"
+      (start "$(cat "/run/$name.unit")")
+      echo "$name" >>/var/log/restarts
+    done ;;
+  stop) for unit; do stop "${unit%%[@.]*}"; done ;;
+  disable) ;;
+  *) echo "systemctl $command: unknown here" >&2; exit 1 ;;
+esac
+"""
+# Of apt what installs a file, which dpkg does; nothing is fetched.
+APT = """#!/bin/bash
+set -euo pipefail
+case "$1" in
+  install) exec dpkg --no-triggers -i "$2" ;;
+  remove) exec dpkg --no-triggers -r "$2" ;;
+  purge) exec dpkg --no-triggers -P "$2" ;;
+  *) exit 1 ;;
 esac
 """
 SBATCH = """#!/bin/bash
@@ -77,16 +130,32 @@ def blocks(page):
 def make_machine():
     """Folders that commands write to are this test's own; names of the pages are this machine."""
     scratch = Path(tempfile.mkdtemp(prefix="candela-commands-"))
-    for folder in ("/etc", "/usr/local/bin", "/var", "/run"):
-        held = scratch / folder.strip("/").replace("/", "-")
+    scratch.chmod(0o755)  # services have a user of their own
+    for folder in ("/etc", "/var", "/run"):
+        held = scratch / folder.strip("/")
         held.mkdir()
         if folder == "/etc":
             subprocess.run(["cp", "-a", "/etc/.", held], check=True)
+        elif folder == "/var":
+            (held / "lib").mkdir()
+            subprocess.run(["cp", "-a", "/var/lib/dpkg", held / "lib/dpkg"], check=True)
         subprocess.run(["mount", "--bind", held, folder], check=True)
-    for folder in ("/etc/candela", "/etc/systemd/system", "/var/lib", "/var/cache", "/var/log", "/var/tmp", "/var/backups/candela"):
+    for folder in ("/etc/candela", "/etc/systemd/system", "/var/lib", "/var/cache", "/var/log", "/var/tmp", "/var/backups/candela", "/run/systemd/system"):
         Path(folder).mkdir(parents=True, exist_ok=True)
+    # The package's own folders: over the machine's, and gone with the namespace.
+    over = scratch / "over"
+    over.mkdir()
+    subprocess.run(["mount", "-t", "tmpfs", "none", over], check=True)
+    for folder, own in (("/usr", "usr"),):
+        upper, work = over / own, over / f"{own}-work"
+        upper.mkdir()
+        work.mkdir()
+        subprocess.run(["mount", "-t", "overlay", "-o", f"lowerdir={folder},upperdir={upper},workdir={work}", "none", folder], check=True)
+    local = scratch / "usr-local-bin"
+    local.mkdir()
+    subprocess.run(["mount", "--bind", local, "/usr/local/bin"], check=True)
     Path("/etc/hosts").write_text("127.0.0.1 localhost render.example.org\n")
-    for name, text in (("systemctl", SYSTEMCTL), ("sbatch", SBATCH), ("sudo", '#!/bin/bash\nexec "$@"\n')):
+    for name, text in (("systemctl", SYSTEMCTL), ("sbatch", SBATCH), ("apt", APT), ("sudo", '#!/bin/bash\nexec "$@"\n')):
         path = Path("/usr/local/bin") / name
         path.write_text(text)
         path.chmod(0o755)
@@ -103,7 +172,9 @@ class Commands(unittest.TestCase):
         cls.folder.mkdir()
         (cls.folder / "build").symlink_to(PROGRAMS.parent)
         (cls.folder / "deploy").symlink_to(SOURCE / "deploy")
+        shutil.copy(max(PACKAGES.glob("candela_*.deb"), key=lambda path: path.stat().st_mtime), cls.folder)
         cls.path = f"/usr/local/bin:{PROGRAMS}:{os.environ['PATH']}"
+        cls.path_of_package = f"/usr/local/bin:{os.environ['PATH']}"
         cls.held = {"DIR": str(cls.scratch / "dir"), "DATA": "/var/lib/candela", "HOST": "render.example.org"}
         cls.staying = []
 
@@ -180,16 +251,76 @@ class Commands(unittest.TestCase):
         self.assertTrue(found)
         return found
 
+    def configure(self, text, section):
+        """The lines of a block of the page, with the `#` of the installed file taken away."""
+        wanted = re.search(rf"^```toml\n(\[{section}\]\n.*?)^```$", text, re.M | re.S)[1].splitlines()[1:]
+        path = Path("/etc/candela/config.toml")
+        before, after = path.read_text().split(f"[{section}]")
+        for line in wanted:
+            after, times = re.subn(rf"^# {re.escape(line)}(?=\s|$)", line, after, count=1, flags=re.M)
+            self.assertEqual(times, 1, f"{line} is not in the installed config.toml")
+        path.write_text(f"{before}[{section}]{after}")
+
     def test_farm(self):
-        """Claim: the blocks of docs/farm.md, in order: master, worker, TLS, systemd and its credentials, Slurm, day by day."""
-        master, worker, tls, systemd, credentials, slurm, days = self.page("farm")
+        """Claim: the blocks of docs/farm.md, in order, on a machine that has nothing of Candela but the package: certificates,
+        master, worker, a picture, ten jobs, day by day, an upgrade, a removal, and a farm without certificates."""
+        install, tls, master, start_master, worker, start_worker, first, ten, days, upgrade, verify, remove, alone = self.page("farm")
+        self.environment["PATH"] = self.path_of_package
+        self.assertNotEqual(subprocess.run(["bash", "-c", "command -v candela"], env=self.environment, check=False).returncode, 0)
+        for line in (*install, *tls):
+            self.run_page_line(line)
+        self.run_line("candela tls add carol --role read")
+        for line in master:
+            self.run_page_line(line)
+        self.configure(PAGE_OF_FARM, "master")
+        for line in (*start_master, *worker):
+            self.run_page_line(line)
+        self.configure(PAGE_OF_FARM, "worker")
+        for line in (*start_worker, *first, *ten):
+            self.run_page_line(line)
+        self.assertTrue((self.folder / "first.png").read_bytes().startswith(b"\x89PNG"))
+        self.assertEqual(self.run_line("candela list --state done --json").count('"name": "box.') or
+                         self.run_line("candela list --state done --json").count('"name":"box.'), 10)
+        self.have_job(100_000_000)
+        self.held["WORKER"] = self.workers()[0]
+        for line in days:
+            self.run_page_line(line)
+        self.run_line("candela workers --wanted")
+        for line in upgrade:
+            self.run_page_line(line)
+        self.assertEqual(Path("/var/log/restarts").read_text().split(), ["candela-master", "candela-worker"])
+        for line in verify:
+            self.run_page_line(line)
+        removal, purge = remove
+        self.run_page_line(removal)
+        self.assertEqual(list(Path("/run").glob("candela*.pid")), [], "a service still runs")
+        self.assertTrue(Path("/var/lib/candela/jobs").is_dir())
+        self.run_page_line(purge)
+        self.assertFalse(Path("/var/lib/candela").exists())
+        # The farm without certificates, on a machine that has just the package.
+        subprocess.run("rm -rf /etc/candela/*", shell=True, check=True)
+        for name in [name for name in self.environment if name.startswith("CANDELA_TLS") or name == "CANDELA_MASTER"]:
+            del self.environment[name]
+        self.run_page_line(install[0])
+        for line in alone:
+            said = self.run_page_line(line)
+        self.assertRegex(said, r"(?m)^w[a-z0-9]{10}\b")
+        self.run_page_line(purge)
+
+    def test_services(self):
+        """Claim: the blocks of docs/services.md, in order: master, worker, TLS, systemd and its credentials, Slurm."""
+        master, worker, tls, systemd, credentials, slurm = self.page("services")
         for line in (*master, *worker, *tls):
             self.run_page_line(line)
         self.stop()
         # The page's configuration, and its certificates where that looks for them.
         for made in (*self.folder.glob("tls/*.pem"), *self.folder.glob("tls/*.key")):
             shutil.copy(made, "/etc/candela")
-        Path("/etc/candela/config.toml").write_text(re.search(r"^```toml\n(.*?)^```$", PAGE_OF_FARM, re.M | re.S)[1])
+        Path("/etc/candela/config.toml").write_text(re.search(r"^```toml\n(.*?)^```$", PAGE_OF_SERVICES, re.M | re.S)[1])
+        users = [line for line in systemd if "sysusers" in line]
+        for line in users:
+            self.run_page_line(line)
+        subprocess.run("chown candela /etc/candela/*.pem /etc/candela/*.key", shell=True, check=True)  # as the page says
         for line in systemd:
             self.run_page_line(line)
         tls_files = "--tls-cert tls/alice.pem --tls-key tls/alice.key --tls-ca tls/ca.pem"
@@ -203,14 +334,6 @@ class Commands(unittest.TestCase):
         self.run_line("bash -n workers.sbatch")
         self.assertTrue((self.folder / "workers.sbatch").read_text().startswith("#!/"))
         self.assertIn("#SBATCH", Path("/var/log/sbatch").read_text())
-        settings = [line for line in days if line.startswith("export ")]
-        for line in settings:
-            self.run_page_line(line)
-        self.have_job(100_000_000)
-        self.held["WORKER"] = self.workers()[0]
-        for line in days[len(settings):]:
-            self.run_page_line(line)
-        self.run_line("candela workers --wanted")
 
     def test_keeping(self):
         """Claim: the blocks of docs/keeping.md: lists, a backup and a second one on its base, and the farm from a backup."""
@@ -258,8 +381,8 @@ class Commands(unittest.TestCase):
         self.assertIn("80/80 spp", self.run_line(f"candela show {self.held['ID']}"))
 
     def test_commands_within_sentences(self):
-        """Claim: each command in a sentence of docs/farm.md is run here or by the test named above."""
-        text = re.sub(r"^```.*?^```$", "", PAGE_OF_FARM, flags=re.M | re.S)
+        """Claim: each command in a sentence of docs/farm.md or docs/services.md is run here or by the test named above."""
+        text = re.sub(r"^```.*?^```$", "", PAGE_OF_FARM + PAGE_OF_SERVICES, flags=re.M | re.S)
         spans = {" ".join(span.split()) for span in re.findall(r"`([^`]+)`", text)}
         found = {span for span in spans if PROGRAM.match(span) and not re.fullmatch(r"candela(-master|-worker)?", span)}
         self.assertEqual(found - set(WITHIN), set(), "a command that nothing runs")
@@ -270,11 +393,11 @@ class Commands(unittest.TestCase):
 
     def test_all_pages_are_run(self):
         """Claim: a page on running a farm with commands in blocks has a test above, or is Kubernetes', which test_pods plays."""
-        linked = set(re.findall(r"\]\((\w+)\.md\)", PAGE_OF_FARM))
+        linked = set(re.findall(r"\]\((\w+)\.md\)", PAGE_OF_FARM + PAGE_OF_SERVICES))
         with_blocks = {name for name in linked | {"farm"} if any(blocks(name))}
         self.assertEqual(with_blocks - {"kubernetes"}, set(PAGES))
 
 
 if __name__ == "__main__":
-    own_namespaces(TEST, ("openssl", "curl", "systemd-analyze"))
+    own_namespaces(TEST, ("openssl", "curl", "systemd-analyze", "setpriv", "dpkg"))
     unittest.main(verbosity=2)

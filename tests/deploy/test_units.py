@@ -19,7 +19,7 @@ with tempfile.TemporaryDirectory(prefix="candela-units-") as scratch:
     for unit in sorted((SOURCE / "deploy/systemd").glob("*.service")):
         # The programs of this build in the place of installed ones.
         path = Path(scratch) / unit.name
-        path.write_text(unit.read_text().replace("/usr/local/bin", str(PROGRAMS)))
+        path.write_text(unit.read_text().replace("ExecStart=", f"ExecStart={PROGRAMS}/"))
         units.append(path)
         drop_in = Path(scratch) / f"{unit.name}.d" / "tls.conf"
         drop_in.parent.mkdir()

@@ -8,6 +8,7 @@ Rounds of two kinds take turns. In a quiet one a worker renders a job while requ
 registers, leases units, fails them, and delivers rubbish for them; the jobs of such a round promise nothing."""
 import argparse
 import collections
+import hashlib
 import json
 import os
 import random
@@ -44,8 +45,15 @@ CODE = grpc.StatusCode
 NEVER = (CODE.UNKNOWN, CODE.UNIMPLEMENTED)
 PAGES = ("/", "/healthz", "/metrics", "/api/jobs", "/api/jobs?offset=0", "/api/jobs/JOB", "/api/jobs/JOB/details", "/api/workers",
          "/api/workers/WORKER", "/api/stream", "/api/stream?job=JOB&kind=image", "/api/stream?worker=WORKER",
-         "/api/jobs/JOB/tile?kind=image&level=0&x=0&y=0", "/api/jobs/JOB/pixel?kind=image&x=1&y=1", "/jobs/JOB", "/workers")
+         "/api/jobs/JOB/tile?kind=image&level=0&x=0&y=0", "/api/jobs/JOB/pixel?kind=image&x=1&y=1", "/jobs/JOB", "/workers",
+         "/api/groups", "/api/groups/JOB", "/api/jobs/JOB/image.png?exposure=1", "/api/throughput", "/api/blobs/BLOB")
 DEEDS = ("pause", "resume", "cancel", "priority", "extend", "drain", "repair")
+
+
+SUBMISSION = json.dumps({
+    "name": "by http", "bundle": {"main_path": "a", "files": [{"path": "a", "sha256": "0" * 64, "size_bytes": 1}]},
+    "settings": {"integrator": "path", "width": 4, "height": 4, "filter": "box", "sampler": "sobol", "isa": "avx2", "seed": 1},
+    "stop": {"iterations": 1}})
 
 
 class Finding(Exception):
@@ -280,26 +288,35 @@ class Doors:
     def fuzz_http(self):
         choose = self.random.choice
         texts = self.mutator.texts or ["x"]
-        page = choose(PAGES) if self.random.random() < 0.7 else f"/api/{choose(('jobs', 'workers'))}/JOB/{choose(DEEDS)}"
+        page = choose(PAGES) if self.random.random() < 0.7 else f"/api/{choose(('jobs', 'groups', 'workers'))}/JOB/{choose(DEEDS)}"
+        blob = self.random.randbytes(choose((0, 1, 5000)))
+        page = page.replace("BLOB", choose((hashlib.sha256(blob).hexdigest(), "0" * 64, "x")))
         page = page.replace("JOB", choose(texts)).replace("WORKER", choose([w for w, _ in self.sessions] or texts))
         method = "POST" if page.rsplit("/", 1)[-1] in DEEDS else "GET"
+        if page == "/api/jobs" and self.random.random() < 0.6:
+            method = "POST"
+        if page.startswith("/api/blobs/") and self.random.random() < 0.6:
+            method = "PUT"
         if self.random.random() < 0.1:
             method = choose(("GET", "POST", "HEAD", "PUT", "OPTIONS", "G\0T", ""))
         body = "" if method == "GET" else choose(("", "priority=5", "iterations=1", "seconds=nan", "relmse=1e-9",
                                                   "priority=" + "9" * 400, "a" * 100_000))
+        if method == "POST" and page == "/api/jobs":
+            body = choose(("{}", "[" * 5000, '{"settings":{"width":-1}}', '{"stop":{"relmse":"NaN"}}', '{"name":"\\ud800"}', SUBMISSION))
+        content = blob if method == "PUT" else body.encode()
 
         def mostly(right, *wrong):
             return right if self.random.random() < 0.9 else choose(wrong)
         fields = [("Host", mostly(f"{self.http[0]}:{self.http[1]}", "localhost", "evil.example", "")),
                   ("Authorization", mostly(f"Bearer {TOKEN}", "Bearer x", "Basic eA==", "")),
-                  ("Content-Length", mostly(str(len(body)), "0", "-1", "99999999999999999999", "1e3")),
+                  ("Content-Length", mostly(str(len(content)), "0", "-1", "99999999999999999999", "1e3")),
                   ("Connection", "close")]
         if self.random.random() < 0.1:
             fields.append(("Transfer-Encoding", "chunked"))
         if self.random.random() < 0.1:
             fields += [(f"X-{i}", "y" * choose((1, 5000))) for i in range(choose((1, 50, 500)))]
-        text = f"{method} {page} HTTP/1.1\r\n" + "".join(f"{n}: {v}\r\n" for n, v in fields) + "\r\n" + body
-        sent = text.encode("utf-8", "surrogatepass")
+        text = f"{method} {page} HTTP/1.1\r\n" + "".join(f"{n}: {v}\r\n" for n, v in fields) + "\r\n"
+        sent = text.encode("utf-8", "surrogatepass") + content
         if self.random.random() < 0.4:
             sent = self.mutator.data(sent)
         self.recent.append(("http", sent[:3000].hex()))

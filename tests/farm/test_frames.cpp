@@ -54,10 +54,18 @@ TEST(Frames, AreOneGroupAndTheirOwnPictures) {
   }));
   farm.kill_master();
   farm.restart_master();
-  EXPECT_EQ(farm.candela({"watch", group, "--quiet"}).exit_code, 0);
-  EXPECT_EQ(farm.candela({"watch", "after", "--quiet"}).exit_code, 0);
-
   const std::string folder = farm.folder().path().string();
+  const std::string told = folder + "/told";
+  const std::string tell = "echo $CANDELA_JOB_ID $CANDELA_JOB_NAME $CANDELA_JOB_STATE >>" + told;
+  EXPECT_EQ(farm.candela({"watch", group, "--quiet", "--on-end", tell}).exit_code, 0);
+  EXPECT_EQ(farm.candela({"watch", "after", "--quiet", "--on-end", tell + "; exit 7"}).exit_code, 1);
+  std::ifstream lines(told);
+  std::string first, second;
+  std::getline(lines, first);
+  std::getline(lines, second);
+  EXPECT_EQ(first, group + " turn done");
+  EXPECT_TRUE(second.ends_with(" after done")) << second;
+
   const CommandResult fetched = farm.candela({"fetch", group, "-o", folder + "/turn.{frame:4}.exr"});
   ASSERT_EQ(fetched.exit_code, 0) << fetched.err;
   std::vector<image::Image> pictures;

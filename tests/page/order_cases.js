@@ -46,8 +46,21 @@
   equal('states', ids(named, order.parseView('?state=running,done')), ['j2', 'j1']);
   equal('counts are of the text, not of the states', order.arrange(named, order.parseView('?state=done&name=seq010*')).counts.running, 1);
 
+  // A group is one line where its frames' states and numbers say; it unfolds in the order of its frames; filters are of frames.
+  const frame = (id, n, state, more = {}) => job(id, state, {...more, group: {id: 'g', name: 'shot', frame: n, frames: 3}});
+  const shot = [frame('f3', 3, 'queued', {turn: 4, submitted_unix_ms: 3}), frame('f1', 1, 'done', {submitted_unix_ms: 1, iterations: 4}), frame('f2', 2, 'failed', {submitted_unix_ms: 2, message: 'no light', priority: 9}), job('runs', 'running'), job('queued', 'queued', {turn: 5})];
+  equal('a folded group', ids(shot), ['runs', 'g', 'queued']);
+  equal('an unfolded group', order.arrange(shot, none, new Set(['g'])).shown.map((j) => j.id), ['runs', 'g', 'f1', 'f2', 'f3', 'queued']);
+  const [, folded] = order.arrange(shot, none).shown;
+  equal('its figures', [folded.state, folded.priority, folded.turn, folded.submitted_unix_ms, folded.finished_unix_ms, folded.message, folded.counts.done, order.share(folded), folded.iterations], ['queued', 0, 4, 1, null, 'frame 2: no light', 1, 1 / 3, 4]);
+  equal('chips count frames', order.arrange(shot, none).counts.queued, 2);
+  equal('a filter of states is of frames', order.arrange(shot, order.parseView('?state=failed')).shown.map((j) => [j.id, j.frames.length]), [['g', 1]]);
+  equal('a group alone', ids(shot, order.parseView('?group=g')), ['f1', 'f2', 'f3']);
+  for (const [states, wanted] of [[['done', 'done'], 'done'], [['done', 'cancelled'], 'cancelled'], [['failed', 'cancelled'], 'failed'], [['paused', 'failed'], 'paused'], [['queued', 'running'], 'running']])
+    equal('the state of a group ' + states, order.groupOf(states.map((s, i) => frame('f' + i, i, s))).state, wanted);
+
   // An address says the same when it is read and written; what it does not know it passes over.
-  for (const query of ['', '?view=mosaic', '?state=failed', '?state=failed,done', '?sort=left', '?sort=left&order=down', '?sort=error&order=up', '?name=a%20b%26c', '?view=mosaic&state=paused&sort=name&name=x'])
+  for (const query of ['', '?view=mosaic', '?state=failed', '?state=failed,done', '?sort=left', '?sort=left&order=down', '?sort=error&order=up', '?name=a%20b%26c', '?view=mosaic&state=paused&sort=name&name=x', '?group=g1'])
     equal('the address ' + query, order.viewQuery(order.parseView(query)), query);
   equal('a foreign address', order.viewQuery(order.parseView('?view=x&state=no,done&sort=constructor&order=down')), '?state=done');
   return wrong;

@@ -363,6 +363,48 @@ class Page(unittest.TestCase):
         self.assertEqual(self.ask("GET", f"/api/jobs/{job}/image.png?exposure=x")[0], 400)
         tab.close()
 
+    def test_a_group_is_one_row(self):
+        """Claims: frames are one row, which unfolds and folds; its address shows its frames alone; with the token all frames
+        get a priority and are cancelled at once."""
+        group = self.submit("--frames", "1-4", "--seed", "{frame}", "--name", "turn <b>.{frame}", "--iterations", "1000000")
+        tab = self.browser.open(self.url + "/?name=turn")
+        rows = "[...document.querySelectorAll('tbody .job .c-name a')].map(a => a.textContent)"
+        tab.wait("document.querySelectorAll('tr.job').length === 1")
+        self.assertEqual(tab.run(rows), ["turn <b>"])
+        self.assertIn("0 of 4 frames", tab.run("document.querySelector('tr.group .note').textContent"))
+        fold = "document.querySelector('tr.group .fold')"
+        tab.run(fold + ".click()")
+        self.assertEqual(tab.run(rows), ["turn <b>", *(f"turn <b>.{i}" for i in range(1, 5))])
+        self.assertEqual(tab.run(fold + ".getAttribute('aria-expanded')"), "true")
+        self.shot(tab, "group")
+        tab.run(fold + ".click()")
+        self.assertEqual(tab.run(rows), ["turn <b>"])
+        self.assertEqual(tab.run("getComputedStyle(document.querySelector('.steer')).display"), "none", "without the token")
+        tab.run("document.querySelector('#unlock').click()")
+        tab.run(f"document.querySelector('#field-token').value = {json.dumps(TOKEN)}")
+        tab.run("document.querySelector('#dialog-go').click()")
+        tab.wait("!document.querySelector('dialog').open")
+
+        def steer(label):
+            tab.run("document.querySelector('.steer').click()")
+            tab.run(f"[...document.querySelectorAll('dialog button')].find(b => b.textContent === {json.dumps(label)}).click()")
+        steer("Priority…")
+        tab.wait("document.querySelector('#field-priority')")
+        tab.run("document.querySelector('#field-priority').value = '-3'")
+        tab.run("document.querySelector('#dialog-go').click()")
+        tab.wait("!document.querySelector('dialog').open")
+        self.assertEqual(json.loads(self.ask("GET", f"/api/groups/{group}")[2])["priority"], -3)
+        steer("Cancel all")
+        tab.wait("document.querySelector('tr.group .badge').textContent === 'cancelled'")
+        states = json.loads(self.ask("GET", f"/api/groups/{group}")[2])["states"]
+        self.assertEqual(states["cancelled"], 4)
+        tab.run("document.querySelector('tr.group .c-name a').click()")
+        tab.wait("document.querySelectorAll('tr.job').length === 4 && !document.querySelector('tr.group')")
+        self.assertEqual(tab.run("location.search"), "?group=" + group)
+        self.silent(tab)
+        tab.run("document.querySelector('#unlock').click()")  # other tests begin locked
+        tab.close()
+
     def test_accessible(self):
         """Claim: axe-core finds nothing, in both schemes, on a phone and on a desk."""
         axe = os.environ.get("CANDELA_AXE") or next((str(p) for p in (Path("/usr/lib/node_modules"), Path("/usr/local/lib/node_modules"))

@@ -63,7 +63,7 @@ class Package(unittest.TestCase):
                   "spp": 4, "iterations": 4, "time": "10m", "until": 1e-3, "seed": 1, "size": (2, 3), "filter": "box",
                   "sampler": "sobol", "isa": "avx2", "lenient": True, "aov": ["albedo", "depth"], "indices": "0-3/0-2",
                   "layers": {"a": "LDE"}, "regions": {"b": "sphere:0,0,0,1"}, "glossy_below": 0.2, "light_groups": True,
-                  "partition": True}
+                  "partition": True, "edits": "e.json", "crop": (1, 0, 1, 2)}
         self.assertEqual(set(values), set(program.SceneSettings.__annotations__))
         arguments = program.scene_arguments(values)
         self.assertIn("hide_emitters=true", arguments)
@@ -214,6 +214,47 @@ class OnAFarm(unittest.TestCase):
             job.wait()
         self.assertEqual(caught.exception.status.state, "cancelled")
         self.assertIn(job.id, [j.id for j in self.farm.jobs()])
+
+    def test_groups(self):
+        """Claim: frames are submitted as a group, listed, steered and watched together; each frame's image is that of a
+        render with its parameters. The same token adds frames."""
+        with tempfile.TemporaryDirectory() as folder:
+            scene = Path(folder) / "turn.xml"
+            scene.write_text("""<scene version="3.0.0"><default name="frame" value="0"/><integrator type="path"/>
+                <sensor type="perspective"><transform name="to_world"><translate z="-4"/></transform></sensor>
+                <shape type="sphere"><transform name="to_world"><translate x="0.$frame"/></transform></shape>
+                <emitter type="constant"/></scene>""")
+            options = {"parameters": {"frame": "{frame}"}, "name": "turn.{frame:2}", "token": "python-frames",
+                       "iterations": 4, **SMALL}
+            group = self.farm.submit_frames(scene, [1, 3], **options)
+            self.assertEqual(self.farm.submit_frames(scene, "1-5x2", **options).id, group.id)
+            after = self.farm.submit_frames(scene, [9], parameters={"frame": "{frame}"}, depends=[group], iterations=4,
+                                            **SMALL)
+            status = group.wait()
+            self.assertEqual((status.state, status.frames, status.states), ("done", 3, {"done": 3}))
+            self.assertEqual(after.wait().state, "done")
+            self.assertEqual(list(group.frames()), [1, 3, 5])
+            self.assertEqual(group.frames()[3].status().name, "turn.03")
+            images = dict(group.images())
+            here = candela.render(scene, parameters={"frame": 3}, iterations=4, threads=1, **SMALL)
+            self.assertTrue(np.array_equal(images[3].rgb, here.rgb))
+            self.assertFalse(np.array_equal(images[1].rgb, images[5].rgb))
+            self.assertEqual([g.name for g in self.farm.groups() if g.id == group.id], ["turn"])
+            endless = self.farm.submit_frames(scene, "1-2", parameters={"frame": "{frame}"}, iterations=1 << 30, **SMALL)
+        self.assertEqual(endless.set_priority(4).priority, 4)
+        self.assertEqual(endless.pause().state, "paused")
+        self.assertIn(endless.resume().state, ("queued", "running"))
+        self.assertEqual(endless.cancel().states, {"cancelled": 2})
+        with self.assertRaises(candela.JobError):
+            endless.wait()
+
+    def test_crop(self):
+        """Claim: a crop is rendered alone, and its image says where it lies."""
+        image = candela.render(SCENE, iterations=2, threads=1, crop=(20, 4, 4, 12), **SMALL)
+        self.assertEqual(image.rgb.shape, (12, 4, 3))
+        self.assertEqual(image.metadata["candela:crop"], "20,4,4,12 of 24x16")
+        with self.assertRaisesRegex(candela.UsageError, "--crop"):
+            candela.render(SCENE, iterations=2, crop=(21, 4, 4, 12), **SMALL)
 
     def test_refusals(self):
         """Claim: unknown jobs are input errors, jobs without an image are refused."""

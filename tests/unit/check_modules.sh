@@ -56,6 +56,7 @@ wait $master
 mend="candela-images.so is missing (install candela-images.so of this version into $folder/bin or $folder/lib/candela)"
 refused 1 "$mend" candela-worker --master 127.0.0.1:1 --cache "$folder/cache"
 refused 1 "cannot load a module: candela-images.so: .*(install candela-images.so of this version" candela convert "$folder/two.ppm" "$folder/out.png"
+refused 1 "cannot load a module: candela-images.so: .*(install candela-images.so of this version" candela convert "$folder/out.exr" "$folder/out.jpg"
 refused 1 "ascii.ppm: $mend" candela render "$folder/textured.xml" --size 8x8 --iterations 1 --quiet --fresh -o "$folder/out.exr"
 
 echo "--- a file that is no module"
@@ -63,7 +64,7 @@ echo "no module" >"$folder/bin/candela-images.so"
 refused 1 "cannot load a module: .*candela-images.so" candela convert "$folder/two.ppm" "$folder/out.png"
 echo "--- a module of another version"
 cp "$programs/libclock_shift.so" "$folder/bin/candela-images.so"
-refused 1 "candela-images.so is of another version, without candela_image_codec_2" candela convert "$folder/two.ppm" "$folder/out.png"
+refused 1 "candela-images.so is of another version, without candela_image_codec_3" candela convert "$folder/two.ppm" "$folder/out.png"
 rm "$folder/bin/candela-images.so"
 
 echo "--- in lib/candela, and where the dynamic linker looks"

@@ -93,6 +93,9 @@ class MasterTest : public ::testing::Test {
     o.blob_grace_seconds = blob_grace_seconds;
     o.memory_bytes = memory_bytes;
     o.audit_share = audit_share;
+    o.notify = notify;
+    o.http_listen = http_listen;
+    o.page_token_file = page_token_file;
     o.observer = test::expect_invariants();
     auto m = Master::start(o);
     ASSERT_TRUE(m.ok()) << m.error().to_string();
@@ -168,6 +171,7 @@ class MasterTest : public ::testing::Test {
   double keep_finished_seconds = 0, blob_grace_seconds = 3600;
   std::uint64_t memory_bytes = 0;
   double audit_share = 0;
+  std::string notify, http_listen, page_token_file;
   std::unique_ptr<Master> master;
   std::shared_ptr<grpc::Channel> channel;
   std::unique_ptr<v1::FarmService::Stub> farm;

@@ -36,6 +36,7 @@ RenderCommand example() {
   c.settings.isa = "avx";
   c.settings.aovs = "albedo:albedo,d:depth";
   c.settings.layers = "layer a=L{my 'key'}[DGSV]*E; region b=box:0,0,0,1,1,1; partition";
+  c.settings.edits = R"({"edits":[{"name":"a","direction":"light","select":"LX*X","tint":[0.5,0.5,0.5]}]})";
   c.indices = "0-31,40/none";
   return c;
 }
@@ -47,12 +48,14 @@ void expect_equal(const RenderCommand& a, const RenderCommand& b) {
   EXPECT_EQ(a.settings.integrator_settings, b.settings.integrator_settings);
   EXPECT_EQ(a.settings.width, b.settings.width);
   EXPECT_EQ(a.settings.height, b.settings.height);
+  EXPECT_EQ(a.settings.crop, b.settings.crop);
   EXPECT_EQ(a.settings.filter, b.settings.filter);
   EXPECT_EQ(a.settings.sampler, b.settings.sampler);
   EXPECT_EQ(a.settings.seed, b.settings.seed);
   EXPECT_EQ(a.settings.isa, b.settings.isa);
   EXPECT_EQ(a.settings.aovs, b.settings.aovs);
   EXPECT_EQ(a.settings.layers, b.settings.layers);
+  EXPECT_EQ(a.settings.edits, b.settings.edits);
   EXPECT_EQ(a.indices, b.indices);
   EXPECT_EQ(a.half, b.half);
   EXPECT_EQ(a.estimator, b.estimator);
@@ -70,8 +73,10 @@ TEST(RenderCommands, AreReadBack) {
     const auto back = parse_render_command(shell_line(words_of(c, "again.exr")));
     ASSERT_TRUE(back.ok()) << back.error().to_string();
     expect_equal(*back, c);
+    c.settings.crop = Crop{100, 7, 1280, 720};
     c.settings.aovs.clear();
     c.settings.layers.clear();
+    c.settings.edits.clear();
     c.half = "B";
     c.estimator = "plain";
     c.error_layer = c.chain_layers = true;
@@ -93,7 +98,8 @@ TEST(RenderCommands, OthersAreRefused) {
   for (const std::string& bad :
        {std::string(), std::string("candela"), "rm -rf " + good, good + " --page localhost:1",
         good + " --png /etc/passwd", good + " --seed", good + " --seed x", good + " --size 0x4",
-        good + " extra", good + "; true", std::string("candela submit s.xml --size 4x4 --indices 0/0"),
+        good + " --crop 1,2,3", good + " --crop 1,2,3,4,5", good + " --crop 1,2,3,x", good + " extra",
+        good + "; true", std::string("candela submit s.xml --size 4x4 --indices 0/0"),
         std::string("candela render s.xml --size 4x4"), std::string("candela render s.xml --indices 0/0")})
     EXPECT_FALSE(parse_render_command(bad).ok()) << bad;
 }

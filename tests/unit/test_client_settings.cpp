@@ -9,6 +9,7 @@
 
 #include "client/context.h"
 #include "client/settings.h"
+#include "tests/temporary_folder.h"
 
 namespace candela::client {
 namespace {
@@ -133,6 +134,36 @@ TEST(Settings, AovsOfSceneAndCommandLine) {
   EXPECT_TRUE(aovs("", "depth,x").starts_with("--aov: there is no AOV 'x'")) << aovs("", "depth,x");
 }
 
+// Claim: edits are read from a file or as JSON, and stored on one line; faults name the file or the option,
+// and names are those of the scene.
+TEST(Settings, EditsAreReadAndChecked) {
+  const auto edits = [](const std::optional<std::string>& given) {
+    SceneOptions options;
+    options.edits = given;
+    const auto job = TestScene().prepare(options);
+    return job.ok() ? job->settings.edits : job.error().to_string();
+  };
+  const std::string text =
+      R"({"edits":[{"name":"a","direction":"light","select":"LX*X","tint":[0.5,0.5,0.5]}]})";
+  EXPECT_EQ(edits({}), "");
+  EXPECT_EQ(edits("none"), "");
+  EXPECT_EQ(edits(text), text);
+  const test::TemporaryFolder folder;
+  const std::string path = (folder.path() / "e.json").string();
+  std::ofstream(path)
+      << R"({ "edits": [ {"name": "a", "direction": "light", "select": "LX*X", "scale": 0.5} ] })";
+  EXPECT_EQ(edits(path), text);
+  std::ofstream(path) << "{";
+  EXPECT_TRUE(edits(path).starts_with(path)) << edits(path);
+  EXPECT_NE(edits((folder.path() / "none.json").string()).find("none.json"), std::string::npos);
+  EXPECT_TRUE(edits(R"({"edits": [{}]})").starts_with("--edits: edits[0].name"))
+      << edits(R"({"edits": [{}]})");
+  const std::string unknown =
+      R"({"edits":[{"name":"a","direction":"light","select":"LX*X{nobody}","scale":0.5}]})";
+  EXPECT_NE(edits(unknown).find("edit 'a', column 4: no surface is called 'nobody'"), std::string::npos)
+      << edits(unknown);
+}
+
 // Claim: the scene's layers count unless the command line names some, or none; regions and flags of the
 // command line join either; what cannot be is refused with its option, and names with those of the scene.
 TEST(Settings, LayersOfSceneAndCommandLine) {
@@ -233,6 +264,39 @@ TEST(Settings, OptionsBeatTheScene) {
   EXPECT_DOUBLE_EQ(job->stop.time_seconds, 600);
   EXPECT_DOUBLE_EQ(job->stop.relmse, 1e-3);
   EXPECT_TRUE(job->stop_given);
+}
+
+// Claim: a crop is a window of the image that would be rendered without it, up to its last pixel; one beyond
+// the image, an empty one and what is no window are refused by name.
+TEST(Settings, CropsAreWithinTheImage) {
+  SceneOptions options;
+  options.size = "64x32";
+  options.crop = "60,0,4,32";
+  const auto job = TestScene().prepare(options);
+  ASSERT_TRUE(job.ok()) << job.error().to_string();
+  EXPECT_EQ(job->settings.width, 4U);
+  EXPECT_EQ(job->settings.height, 32U);
+  EXPECT_EQ(job->settings.crop, (Crop{60, 0, 64, 32}));
+  for (const char* beyond : {"61,0,4,32", "0,1,4,32", "65,0,1,1", "0,0,65,1", "65535,65535,65536,65536"}) {
+    options.crop = beyond;
+    const auto refused = TestScene().prepare(options);
+    ASSERT_FALSE(refused.ok()) << beyond;
+    EXPECT_EQ(refused.error().field, "--crop");
+    EXPECT_NE(refused.error().message.find("64 x 32"), std::string::npos) << refused.error().message;
+  }
+  for (const char* bad : {"", "1,2,3", "1,2,3,4,5", "1,2,3,", "0,0,0,1", "0,0,1,0", "-1,0,1,1", "a,0,1,1",
+                          "0,0,1,70000", "0,0,4x4", " 0,0,1,1", "0,0,1,1,"}) {
+    options.crop = bad;
+    const auto refused = TestScene().prepare(options);
+    ASSERT_FALSE(refused.ok()) << bad;
+    EXPECT_EQ(refused.error().field, "--crop") << bad;
+  }
+  options.crop = "0,0,1,1";
+  TestScene meter;
+  meter.sensor->plugin = "irradiancemeter";
+  const auto refused = meter.prepare(options);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().field, "--crop");
 }
 
 // Claim: under another integrator, settings both know carry over and the others do not stand in the way.

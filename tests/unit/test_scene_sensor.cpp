@@ -25,10 +25,11 @@ Result<Ray> ray_of(const std::string& properties, float x, float y, std::uint32_
 }
 
 Result<std::unique_ptr<Scene>> with_sensor(const std::string& sensor, std::uint32_t width = 200,
-                                           std::uint32_t height = 100) {
+                                           std::uint32_t height = 100, const std::optional<Crop>& crop = {}) {
   Scene::Options options;
   options.film_width = width;
   options.film_height = height;
+  options.crop = crop;
   return test::build_scene("", {}, sensor, options);
 }
 
@@ -117,6 +118,52 @@ TEST(Sensors, ACropWindowIsAPartOfTheFilm) {
       }
     }
   }
+}
+
+// Claim: a crop of the job has, to the last bit, the rays that a crop window of the film has; of a film that
+// has a window it is a part of that window, whatever size the window is rendered at. Sensors without a film
+// of two dimensions have none.
+TEST(Sensors, ACropOfTheJobIsAPartOfTheImage) {
+  const auto sensor = [](const std::string& type, const std::string& film) {
+    return "<sensor type=\"" + type +
+           "\"><transform name=\"to_world\"><lookat origin=\"1, 2, 3\" target=\"0, 0, 0\" up=\"0, 1, "
+           "0\"/></transform><film type=\"hdrfilm\">" +
+           film + "</film></sensor>";
+  };
+  const auto integers = [](std::initializer_list<std::pair<const char*, int>> values) {
+    std::string out;
+    for (const auto& [name, value] : values)
+      out += "<integer name=\"" + std::string(name) + "\" value=\"" + std::to_string(value) + "\"/>";
+    return out;
+  };
+  const std::string whole = integers({{"width", 200}, {"height", 100}});
+  const auto window = [&](int x, int y, int width, int height) {
+    return whole +
+           integers(
+               {{"crop_offset_x", x}, {"crop_offset_y", y}, {"crop_width", width}, {"crop_height", height}});
+  };
+  for (const char* type : {"perspective", "thinlens", "orthographic"}) {
+    const auto by_film = with_sensor(sensor(type, window(120, 30, 50, 40)), 50, 40);
+    const auto by_job = with_sensor(sensor(type, whole), 50, 40, Crop{120, 30, 200, 100});
+    // Pixels 20 to 70 and 10 to 50 of a window that begins at 100, 20.
+    const auto by_both = with_sensor(sensor(type, window(100, 20, 80, 60)), 50, 40, Crop{20, 10, 80, 60});
+    const auto finer = with_sensor(sensor(type, window(100, 20, 80, 60)), 100, 80, Crop{40, 20, 160, 120});
+    ASSERT_TRUE(by_film.ok() && by_job.ok() && by_both.ok() && finer.ok()) << type;
+    float weight = 0;
+    for (const Vec2 at : {Vec2{0, 0}, Vec2{17.5f, 3.25f}, Vec2{50, 40}}) {
+      const Ray a = (*by_film)->camera_ray(at.x, at.y, {0.8f, 0.3f}, weight);
+      const auto differs = [&](const Scene& scene, float scale) {
+        const Ray b = scene.camera_ray(scale * at.x, scale * at.y, {0.8f, 0.3f}, weight);
+        return length(a.direction - b.direction) + length(a.origin - b.origin);
+      };
+      EXPECT_EQ(differs(**by_job, 1), 0) << type << ' ' << at.x;
+      EXPECT_LT(differs(**by_both, 1), 2e-6f) << type << ' ' << at.x;
+      EXPECT_LT(differs(**finer, 2), 2e-6f) << type << ' ' << at.x;
+    }
+  }
+  const auto distant = with_sensor("<sensor type=\"distant\"/>", 1, 1, Crop{0, 0, 1, 1});
+  ASSERT_FALSE(distant.ok());
+  EXPECT_EQ(distant.error().message, "the sensor 'distant' has no crop of its image");
 }
 
 // Claim: a far plane beyond the largest float leaves rays that end somewhere: media multiply by their length.

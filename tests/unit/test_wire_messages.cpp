@@ -25,7 +25,9 @@ JobSettings sample_settings() {
   settings.seed = 0xfedcba9876543210ULL;
   settings.isa = "avx2";
   settings.aovs = "d:depth";
+  settings.crop = Crop{1280, 300, 1920, 660};
   settings.layers = "layer a=L{key; 1}X@r E; region r=box:0,0,0,1,1,1; partition";
+  settings.edits = R"({"edits":[{"name":"a","direction":"light","select":"LX*X","tint":[0.5,0.5,0.5]}]})";
   return settings;
 }
 
@@ -45,6 +47,7 @@ TEST(WireMessages, SettingsRoundTrip) {
   const auto back = wire::from_proto(sample_settings_message());
   ASSERT_TRUE(back.ok()) << back.error().to_string();
   EXPECT_EQ(back->integrator, settings.integrator);
+  EXPECT_EQ(back->crop, settings.crop);
   EXPECT_EQ(back->integrator_settings, settings.integrator_settings);
   EXPECT_EQ(back->width, settings.width);
   EXPECT_EQ(back->height, settings.height);
@@ -55,6 +58,7 @@ TEST(WireMessages, SettingsRoundTrip) {
   EXPECT_EQ(back->isa, settings.isa);
   EXPECT_EQ(back->aovs, settings.aovs);
   EXPECT_EQ(back->layers, settings.layers);
+  EXPECT_EQ(back->edits, settings.edits);
 }
 
 // Claim: each bad value of each settings field is refused as input, by an error that names that field.
@@ -67,6 +71,11 @@ TEST(WireMessages, BadSettingsNameTheirField) {
       {"settings.integrator", [](auto& m) { m.set_integrator(""); }},
       {"settings.integrator", [](auto& m) { m.set_integrator("../path"); }},
       {"settings.integrator", [](auto& m) { m.set_integrator(std::string(65, 'a')); }},
+      {"settings.crop", [](auto& m) { m.mutable_crop()->set_x(1281); }},
+      {"settings.crop", [](auto& m) { m.mutable_crop()->set_y(0xffffffff); }},
+      {"settings.crop", [](auto& m) { m.mutable_crop()->set_whole_height(359); }},
+      {"settings.crop.whole_width", [](auto& m) { m.mutable_crop()->set_whole_width(0); }},
+      {"settings.crop.whole_height", [](auto& m) { m.mutable_crop()->set_whole_height(70000); }},
       {"settings.integrator_settings", [](auto& m) { put(*m.mutable_integrator_settings(), "a b", "1"); }},
       {"settings.integrator_settings.x", [](auto& m) { put(*m.mutable_integrator_settings(), "x", "a\nb"); }},
       {"settings.integrator_settings.x",
@@ -95,6 +104,8 @@ TEST(WireMessages, BadSettingsNameTheirField) {
       {"settings.layers", [](auto& m) { m.set_layers("layer a=L(E"); }},
       {"settings.layers", [](auto& m) { m.set_layers("layer a=LX@r E"); }},
       {"settings.layers", [](auto& m) { m.set_layers(std::string(16385, ' ')); }},
+      {"settings.edits", [](auto& m) { m.set_edits("{"); }},
+      {"settings.edits", [](auto& m) { m.set_edits(std::string(16385, ' ')); }},
   };
   for (const Case& c : cases) {
     v1::JobSettings message = sample_settings_message();

@@ -43,6 +43,17 @@ struct OneTechnique {
   bool eye_goes_on(std::uint32_t edges) const { return edges + 1 < t; }
 };
 
+// True of a sink with `static constexpr bool kRecordsPaths = true` and
+//   light_started(origin, key)           light left a lamp: a light path, key is its name
+//   met(eye, v, left)                    s = 0: light at v, the vertex at hand of the eye path
+//   lit(eye, v, draws)                   s = 1: next event estimation at v, by these draws
+//   connected(eye, v, light, z)
+//   to_lens(light, z, wi, film)          t = 1: from z along wi
+//   met_lens(light, wi, film)            t = 0: from the last vertex along wi
+// Precondition of each: the subpaths and the vertex are as the call gives them, until it returns.
+template <class Sink>
+concept RecordsPaths = Sink::kRecordsPaths;
+
 // Config: kBetween; Mis; kLists: heuristics that need all densities, Mis is Balance then; Sampler; Choice:
 // one of the above; Sink, with
 //   eye(contribution, s, t)              techniques of t >= 2: along the eye's ray
@@ -50,11 +61,13 @@ struct OneTechnique {
 //   light(contribution, s, t, at, key, letters, labels)
 //                                        t < 2: to be divided by the number of light paths. labels: of the
 //                                        path; null where nobody asks for layers of expressions
+// A sink that records paths is shown the subpaths of a contribution just before it; see RecordsPaths.
 template <class Config>
 class Bidirectional {
  public:
   static constexpr transport::Between kBetween = Config::kBetween;
   static constexpr bool kLists = Config::kLists;
+  static constexpr bool kRecords = RecordsPaths<typename Config::Sink>;
   using Mis = typename Config::Mis;
   using Sampler = typename Config::Sampler;
   using Sink = typename Config::Sink;
@@ -122,7 +135,7 @@ class Bidirectional {
     sink_.light(found, s, t, film, key, path_letters_, &labels);
   }
 
-  transport::Towards* wanted_towards() { return reads_letters() ? &towards_ : nullptr; }
+  transport::Towards* wanted_towards() { return kRecords || reads_letters() ? &towards_ : nullptr; }
   transport::WeightTerms* wanted_terms() { return kLists ? &terms_ : nullptr; }
   void weigh(transport::Contribution& found) const { found.weight = list_.weight(options_.heuristic); }
 
@@ -154,6 +167,7 @@ struct Bidirectional<Config>::LightSide {
   const transport::ConnectContext& context;
 
   void started(const LightWalk& walk) {
+    if constexpr (kRecords) e.sink_.light_started(walk.origin(), walk.sample_key());
     if (e.reads_letters()) e.light_letters_->begin(walk.origin(), walk.sample_key());
   }
   void met_lens(const LightWalk& walk, std::uint64_t key) {
@@ -170,6 +184,7 @@ struct Bidirectional<Config>::LightSide {
       e.list_.add_side(e.light_, last, e.terms_.light_step, last.pdf_reverse, last.left_by_delta);
       e.weigh(found);
     }
+    if constexpr (kRecords) e.sink_.met_lens(e.light_, walk.direction(), film);
     e.to_light_sink(found, s, 0, film, rng::combine(key, 2));
   }
   bool vertex(const LightWalk& walk, const Vertex& v, std::uint64_t key) {
@@ -190,6 +205,7 @@ struct Bidirectional<Config>::LightSide {
         e.weigh(found);
       }
       e.light_end_ = &v;
+      if constexpr (kRecords) e.sink_.to_lens(e.light_, v, e.towards_.wi, film);
       e.to_light_sink(found, s, 1, film, rng::combine(key, 3));
     }
     return LightWalk::kPasses || e.choice_.light_goes_on(v.edges);
@@ -219,6 +235,7 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
         e.weigh(found);
       }
     }
+    if constexpr (kRecords) e.sink_.met(e.eye_, v, left);
     e.sink_.eye(found, 0, v.edges + 1);
     if (e.reads_letters()) e.eye_letters_->met(e.sink_.sum(), v, left);
   }
@@ -247,6 +264,7 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
       e.list_.add_side(e.eye_, v, e.terms_.eye_step, e.terms_.eye_reverse);
       e.weigh(found);
     }
+    if constexpr (kRecords) e.sink_.lit(e.eye_, v, walk.draws());
     e.sink_.eye(found, 1, v.edges + 1);
     if (e.reads_letters()) e.eye_letters_->lit(e.sink_.sum(), v, e.towards_);
   }
@@ -266,6 +284,7 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
         e.list_.add_side(e.eye_, v, e.terms_.eye_step, e.terms_.eye_reverse);
         e.weigh(found);
       }
+      if constexpr (kRecords) e.sink_.connected(e.eye_, v, e.light_, z);
       e.sink_.eye(found, z.edges + 1, v.edges + 1);
       if (e.reads_letters()) e.eye_letters_->connected(e.sink_.sum(), v, z, e.light_states_[i]);
     }

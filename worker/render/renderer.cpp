@@ -12,6 +12,7 @@
 #include "common/description/reading.h"
 #include "common/description/reading_budget.h"
 #include "common/description/unpacked_files.h"
+#include "common/edits/edits.h"
 #include "common/film/layers.h"
 #include "common/letters/automaton.h"
 #include "common/letters/request.h"
@@ -23,6 +24,7 @@
 #include "worker/integrators/film_scale.h"
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/parallel_tasks.h"
+#include "worker/scene/edits/edit_request.h"
 #include "worker/scene/objects.h"
 #include "worker/scene/scene.h"
 #include "worker/transport/letters/path_letters.h"
@@ -55,6 +57,7 @@ std::string features_text(const scene::SceneFeatures& f) {
   };
   list("bsdfs", f.bsdf_kinds);
   list("emitters", f.emitter_kinds);
+  for (const std::string& edit : f.edits) text += edit + '\n';
   if (f.media > 0)
     text += fmt::format("media: {}{}{}\n", f.media, f.any_heterogeneous_medium ? ", not all homogeneous" : "",
                         f.endless_medium ? "; the outer one has no end: no light from outside" : "");
@@ -309,13 +312,22 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   options.build_threads = threads;
   options.film_width = settings.width;
   options.film_height = settings.height;
+  options.crop = settings.crop;
   options.textures = textures;
   options.named = !settings.layers.empty();
+  description::LetterObjects described;
+  if (!settings.layers.empty() || !settings.edits.empty())
+    described = description::letter_objects(*description.scene);
+  scene::EditRequest edits;
+  CANDELA_ASSIGN(edits.list, edits::parse_edits(settings.edits));
+  CANDELA_TRY(edits::check_integrator(edits.list, settings.integrator,
+                                      edits::max_depth_of(settings.integrator_settings)));
+  edits.names = described.names;
+  edits.uses = described.uses;
+  options.edits = &edits;
   CANDELA_ASSIGN(std::vector<Aov> aov_list, parse_aovs(settings.aovs));
   work_phase(WorkPhase::building);
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, unpacked, options));
-  description::LetterObjects described;
-  if (!settings.layers.empty()) described = description::letter_objects(*description.scene);
   CANDELA_ASSIGN(letters::LayerRequest layers, layer_request(settings.layers, described));
   scene::SceneFeatures features = scene->features();
   features.reads_letters = !layers.empty();

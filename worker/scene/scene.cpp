@@ -1,6 +1,7 @@
 // The compiled scene's door.
 #include "worker/scene/scene.h"
 
+#include <fmt/format.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -55,7 +56,7 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
   // Where the shapes could not be built in place the middle was a guess, and so is this error.
   if (!scene.ok()) return near.ok() ? std::move(scene) : std::move(near);
   Impl& impl = *(*scene)->impl_;
-  impl.offset = far->middle;
+  impl.offset = impl.edits.offset = far->middle;
   for (Bounds box = impl.geometry.bounds; const Vec3d p : {box.low + impl.offset, box.high + impl.offset})
     impl.features.largest_coordinate =
         std::max(impl.features.largest_coordinate,
@@ -78,7 +79,11 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
   const bool is_meter = sensors[0]->plugin == "irradiancemeter" && metered.size() == 1;
   const bool is_distant = sensors[0]->plugin == "distant";
   if (!is_meter && !is_distant) {
-    CANDELA_ASSIGN(impl.sensor, Sensor::build(*sensors[0], options.film_width, options.film_height));
+    CANDELA_ASSIGN(impl.sensor,
+                   Sensor::build(*sensors[0], options.film_width, options.film_height, options.crop));
+  } else if (options.crop) {
+    return input_error(fmt::format("the sensor '{}' has no crop of its image", sensors[0]->plugin))
+        .at(sensors[0]->where.file, sensors[0]->where.line);
   }
   impl.features.any_color = description::has_color(root);
   impl.features.finite_lens = is_meter || impl.sensor.reads_lens();
@@ -86,7 +91,8 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
 
   impl.textures = std::make_unique<TextureStore>(files, options.textures, &impl.geometry);
   SceneBuilder builder(files, impl, options.parameterized);
-  if (options.named) builder.name_objects(root);
+  const bool edited = options.edits != nullptr && !options.edits->list.empty();
+  if (options.named || edited) builder.name_objects(root);
   if (is_meter) builder.measure(*metered[0]);
   // Meshes are read by as many threads as the tree is built by.
   tbb::task_arena arena(static_cast<int>(std::max(1u, options.build_threads)));
@@ -110,6 +116,7 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
       CANDELA_ASSIGN(bsdf, Bsdf::with_strict_normals(std::move(bsdf)));
     }
   }
+  if (edited) CANDELA_TRY(builder.edit(*options.edits));
   CANDELA_TRY(builder.finish_geometry());
   if (is_distant) {
     CANDELA_ASSIGN(impl.sensor, Sensor::build_distant(*sensors[0], files, impl.geometry.bounds,

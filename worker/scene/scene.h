@@ -7,6 +7,7 @@
 
 #include "common/base/result.h"
 #include "common/description/object.h"
+#include "common/job/job.h"
 #include "worker/core/vec.h"
 #include "worker/scene/bsdf.h"
 #include "worker/scene/camera.h"
@@ -21,6 +22,7 @@ namespace candela::scene {
 class Lights;
 struct Placement;
 struct SceneObjects;
+struct EditRequest;
 
 class Scene {
  public:
@@ -28,12 +30,14 @@ class Scene {
     std::string isa = "avx2";  // the ISA Embree may use
     unsigned build_threads = 1;
     std::uint32_t film_width = 1, film_height = 1;  // for the sensor's aspect
+    std::optional<Crop> crop = {};                  // of a larger image; nothing: all of it
     bool choose_emitters_by_power = false;  // for measurements: beyond a few, by power instead of the tree
     TextureLimits textures;
     // All hits have uv, dp_du and dp_dv, not those alone whose bsdfs read them. Tangent frames follow dp_du
     // then, so that samples of bsdfs differ.
     bool parameterized = false;
-    bool named = false;     // objects() is filled
+    bool named = false;                  // objects() is filled
+    const EditRequest* edits = nullptr;  // null: none; objects() is filled if there are any
     bool in_place = false;  // for measurements: a scene far from the origin stays there (placement.h)
   };
   static Result<std::unique_ptr<Scene>> build(const description::SceneDescription& description,
@@ -139,7 +143,7 @@ class Scene {
                     float film_border = 0) const;
 
   const SceneFeatures& features() const;
-  // Empty unless Options::named.
+  // Empty unless the options ask for it.
   const SceneObjects& objects() const;
   // A point of this scene and this vector make the point in the coordinates of the scene's file: a scene far
   // from the origin is moved to its own middle.

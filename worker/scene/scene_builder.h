@@ -17,6 +17,8 @@
 #include "common/letters/alphabet.h"
 #include "worker/scene/accel.h"
 #include "worker/scene/bsdfs/bsdf_build.h"
+#include "worker/scene/bsdfs/edited.h"
+#include "worker/scene/edits/edit_request.h"
 #include "worker/scene/emitters/lights.h"
 #include "worker/scene/features.h"
 #include "worker/scene/irradiance_meter.h"
@@ -44,6 +46,7 @@ struct SceneData {
   std::optional<IrradianceMeter> meter;  // in the place of the sensor
   SceneFeatures features;
   SceneObjects objects;
+  SceneEdits edits;
 };
 
 // Fills SceneData: shapes first, then finish_geometry, emitters, finish_features.
@@ -60,7 +63,8 @@ class SceneBuilder {
         media_(data.media),
         emitter_media_(data.emitter_media),
         features_(data.features),
-        objects_(data.objects) {}
+        objects_(data.objects),
+        edits_(data.edits) {}
 
   // The scene's objects are to have names; call it before shapes().
   void name_objects(const description::Object& scene) { names_.emplace(scene); }
@@ -74,6 +78,9 @@ class SceneBuilder {
   // Where the scene has to be moved from, if it lies far from the origin with the camera, or one of its
   // shapegroups does in its own space. Call it after shapes().
   std::optional<Placement> far_placement(const std::optional<Vec3d>& camera) const;
+  // Puts edits around the bsdfs of the shapes that they select. The objects have names. Call it after
+  // shapes(), and add no bsdf later.
+  Result<void> edit(const EditRequest& request);
   Result<void> finish_geometry();
   Result<void> emitter(const description::Object& object);
   void finish_features();
@@ -151,6 +158,7 @@ class SceneBuilder {
   std::vector<std::uint32_t>& emitter_media_;
   SceneFeatures& features_;
   SceneObjects& objects_;
+  SceneEdits& edits_;
   std::optional<description::ObjectNamesOfScene> names_;  // if somebody asks for them
   std::map<std::pair<letters::ObjectUse, std::vector<std::string>>, std::uint32_t> object_of_names_;
   std::map<const description::Object*, std::uint32_t> bsdf_of_object_;

@@ -59,12 +59,16 @@ std::string SceneStore::key(const std::string& bundle_sha256, const JobSettings&
   add(settings.integrator);
   add_map(settings.integrator_settings);
   text += fmt::format("{};{};{};", settings.width, settings.height, settings.seed);
+  if (settings.crop)
+    text += fmt::format("{},{},{},{};", settings.crop->x, settings.crop->y, settings.crop->whole_width,
+                        settings.crop->whole_height);
   add(settings.filter);
   add_map(settings.filter_settings);
   add(settings.sampler);
   add(settings.isa);
   add(settings.aovs);
   add(settings.layers);
+  add(settings.edits);
   return text;
 }
 

@@ -15,6 +15,7 @@ docs/python.md is the tutorial.
 """
 from .errors import CandelaError, JobError, UnreachableError, UsageError
 from .farm import Farm
+from .group import Group, GroupStatus
 from .image import Image, read_image
 from .job import Job, Status
 from .local import LocalFarm, render
@@ -22,6 +23,8 @@ from .local import LocalFarm, render
 __all__ = [
     "CandelaError",
     "Farm",
+    "Group",
+    "GroupStatus",
     "Image",
     "Job",
     "JobError",

@@ -6,11 +6,12 @@ import json
 import os
 import time
 from pathlib import Path
-from typing import Any, Optional, Union, Unpack
+from typing import Any, Iterable, Optional, Union, Unpack
 
 import grpc
 
 from .errors import CandelaError, UnreachableError, UsageError
+from .group import Group, GroupStatus, group_status_of
 from .job import Job, status_of
 from .program import SceneSettings, run_program, scene_arguments
 from .token import TokenInterceptor, published_token_file, read_token
@@ -130,6 +131,49 @@ class Farm:
         arguments += [f"--token={token}"] if token is not None else []
         answer = json.loads(run_program(arguments + scene_arguments(settings), quiet))
         return Job(self, answer["id"])
+
+    def submit_frames(
+        self,
+        scene: PathLike,
+        frames: Union[str, Iterable[int]],
+        *,
+        name: Optional[str] = None,
+        priority: int = 0,
+        share: float = 1,
+        token: Optional[str] = None,
+        depends: Iterable[Union[Job, Group, str]] = (),
+        quiet: bool = True,
+        **settings: Unpack[SceneSettings],
+    ) -> Group:
+        """Sends a scene as a group of frames; returns the group.
+
+        `frames`: numbers, or text such as "1-240x2". {frame} or {frame:4} in the scene's path, `name` and values of
+        `parameters`, `settings` and `seed` is the number of the frame. `depends`: what is to be done first. `token`:
+        the same call with it goes on where an earlier one broke off, or adds frames.
+        """
+        text = frames if isinstance(frames, str) else ",".join(str(number) for number in frames)
+        arguments = ["submit", os.fspath(scene), "--json", f"--frames={text}", *self._connection_arguments()]
+        arguments += [f"--priority={priority}", f"--share={share!r}"]
+        arguments += [f"--name={name}"] if name is not None else []
+        arguments += [f"--token={token}"] if token is not None else []
+        for other in depends:
+            arguments.append(f"--depends={other if isinstance(other, str) else other.id}")
+        answer = json.loads(run_program(arguments + scene_arguments(settings), quiet))
+        return Group(self, answer["id"])
+
+    def group(self, group_id: str) -> Group:
+        return Group(self, group_id)
+
+    def groups(self) -> list[GroupStatus]:
+        """The groups of frames that the master has, the newest last, as they stand now."""
+        groups: list[GroupStatus] = []
+        token = ""
+        while True:
+            answer = self.call("ListJobs", client_pb2.ListJobsRequest(page_token=token, fold=True))
+            groups += [group_status_of(group) for group in answer.groups]
+            token = answer.next_page_token
+            if not token:
+                return groups[::-1]
 
     def job(self, job_id: str) -> Job:
         return Job(self, job_id)

@@ -29,6 +29,7 @@ class SceneSettings(TypedDict, total=False):
     indices: str  # exactly these iterations of each half, such as "0-31/0-29", in place of a limit
     seed: int
     size: Union[tuple[int, int], str]  # pixels: (width, height), or text such as "640x480"
+    crop: Union[tuple[int, int, int, int], str]  # pixels of the whole image: (left, top, width, height)
     filter: str
     sampler: str
     isa: str
@@ -38,6 +39,7 @@ class SceneSettings(TypedDict, total=False):
     glossy_below: float
     light_groups: bool
     partition: bool
+    edits: str  # a file of edits of light transport, or its JSON
     lenient: bool  # warn of unknown parameters of the scene, and go on
 
 
@@ -70,6 +72,15 @@ def size_text(value: object) -> str:
     raise UsageError(f"size: {value!r} is not a pair of numbers such as (640, 480)")
 
 
+def crop_text(value: object) -> str:
+    """A window as --crop takes it. The program checks the numbers."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Sequence) and len(value) == 4:
+        return ",".join(str(number) for number in value)
+    raise UsageError(f"crop: {value!r} is not four numbers such as (640, 360, 200, 100)")
+
+
 def pairs_of(key: str, value: object) -> Any:
     if isinstance(value, Mapping):
         return value.items()
@@ -96,6 +107,8 @@ def scene_arguments(settings: Mapping[str, Any]) -> list[str]:
             arguments += ["--until", f"relmse={value!r}"]
         elif key == "size":
             arguments += ["--size", size_text(value)]
+        elif key == "crop":
+            arguments += ["--crop", crop_text(value)]
         elif key == "aov":
             arguments += ["--aov", value if isinstance(value, str) else ",".join(value) or "none"]
         elif key == "layers" and isinstance(value, str):

@@ -2,6 +2,8 @@
 // file.
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstring>
@@ -113,6 +115,34 @@ class Reader final : public ImageReader {
   ImageSpec spec_;
 };
 
+// A file without a place on a disk, by a name that any library can open. (OpenImageIO 2.4 writes damaged
+// TIFFs into its own buffers in memory.)
+class MemoryFile {
+ public:
+  MemoryFile() : descriptor_(memfd_create("candela-image", MFD_CLOEXEC)) {}
+  MemoryFile(const MemoryFile&) = delete;
+  MemoryFile& operator=(const MemoryFile&) = delete;
+  ~MemoryFile() {
+    if (descriptor_ >= 0) close(descriptor_);
+  }
+  bool there() const { return descriptor_ >= 0; }
+  std::string name() const { return "/proc/self/fd/" + std::to_string(descriptor_); }
+  // Empty if the file cannot be read.
+  std::string bytes() const {
+    const off_t size = lseek(descriptor_, 0, SEEK_END);
+    std::string out(size > 0 ? static_cast<std::size_t>(size) : 0, '\0');
+    for (std::size_t at = 0; at < out.size();) {
+      const ssize_t count = pread(descriptor_, out.data() + at, out.size() - at, static_cast<off_t>(at));
+      if (count <= 0) return {};
+      at += static_cast<std::size_t>(count);
+    }
+    return out;
+  }
+
+ private:
+  int descriptor_;
+};
+
 class Codec final : public ImageCodec {
  public:
   std::string library() const override { return "OpenImageIO " OIIO_VERSION_STRING; }
@@ -142,12 +172,33 @@ class Codec final : public ImageCodec {
     }
     return std::make_unique<Reader>(std::move(reader), std::move(input));
   }
+
+  std::string encode(const char* format, int width, int height, SampleType type, const void* pixels,
+                     int quality, std::string& error) const override {
+    const auto output = OIIO::ImageOutput::create(format);
+    const MemoryFile file;
+    if (!output || !file.there()) {
+      error = output ? "there is no room for it in memory" : OIIO::geterror();
+      return {};
+    }
+    OIIO::ImageSpec spec(width, height, 3, type_of(type));
+    spec.attribute("oiio:ColorSpace", "sRGB");
+    spec.attribute("compression",
+                   std::string(format) == "jpeg" ? "jpeg:" + std::to_string(quality) : std::string("zip"));
+    if (!output->open(file.name(), spec) || !output->write_image(type_of(type), pixels) || !output->close()) {
+      error = output->geterror();
+      return {};
+    }
+    std::string bytes = file.bytes();
+    if (bytes.empty()) error = "the file that was written cannot be read";
+    return bytes;
+  }
 };
 
 }  // namespace
 }  // namespace candela::image
 
-extern "C" const candela::image::ImageCodec* candela_image_codec_2() {
+extern "C" const candela::image::ImageCodec* candela_image_codec_3() {
   static const candela::image::Codec codec;
   return &codec;
 }

@@ -248,7 +248,7 @@ async function jobPage(id) {
     put(luck, unseen.length ? 'The error may leave out ' + unseen.join('; ') : '');
     put(plan, j.plan || 'The plan comes with the first unit.');
     const {indices, iterations, time_seconds, relmse} = j.stop;
-    const s = j.settings, facts = [['Job', j.id], ['Submitter', j.submitter || 'unknown'], ['Integrator', s.integrator], ...Object.entries(s.integrator_settings), ['Size', `${s.width} × ${s.height}`], ['Filter', s.filter], ...Object.entries(s.filter_settings), ['Sampler', s.sampler], ['Seed', s.seed], ['Instruction set', s.isa], ['AOVs', s.aovs || 'none'],
+    const s = j.settings, facts = [['Job', j.id], ['Submitter', j.submitter || 'unknown'], ['Integrator', s.integrator], ...Object.entries(s.integrator_settings), ['Size', `${s.width} × ${s.height}` + (s.crop ? ` at ${s.crop.x}, ${s.crop.y} of ${s.crop.whole_width} × ${s.crop.whole_height}` : '')], ['Filter', s.filter], ...Object.entries(s.filter_settings), ['Sampler', s.sampler], ['Seed', s.seed], ['Instruction set', s.isa], ['AOVs', s.aovs || 'none'],
       ['Stop', [indices ? 'exactly the indices ' + (indices.length > 120 ? indices.slice(0, 120) + '...' : indices) : iterations ? count(j.iterations_asked) + ' iterations' : '', time_seconds ? duration(time_seconds) : '', relmse ? 'relMSE at most ' + small(relmse) : ''].filter(Boolean).join(', ') || 'never'],
       ['Submitted', when(j.submitted_unix_ms)], ...(j.finished_unix_ms ? [['Finished', when(j.finished_unix_ms)]] : []), ['On disk', count(j.checkpoint.iterations) + ' iterations'], ['Scene', j.bundle_sha256.slice(0, 16)]];
     if (settingsShown !== String(facts)) {

@@ -1,8 +1,8 @@
 // The wall of jobs: rows or a mosaic of pictures, in the order of what one wants to know first. The view is the address.
 import {bar, clock, count, figure, h, put, shortWhen, when} from './dom.js';
-import {get, stream} from './net.js';
+import {get, post, stream} from './net.js';
 import {arrange, kColumns, kStates, parseView, pressed, queue, share, viewQuery} from './order.js';
-import {connected, jobPath, link, saveLink} from './parts.js';
+import {ask, choose, connected, jobPath, link, plural, saveLink} from './parts.js';
 import {thumbnail} from './thumbnail.js';
 import {Throughput} from './throughput.js';
 import {Window} from './window.js';
@@ -26,6 +26,68 @@ const title = (element, text) => { if (element.title !== text) element.title = t
 const kFar = ['priority', 'iterations', 'time'];
 const kNumbers = ['error', 'left', 'workers', 'submitted', ...kFar];
 const kMiddle = ['progress', 'error', 'left', 'workers'];  // in their place a failed job has its reason
+
+// Priority, pause and cancel for all frames of a group.
+function steerGroup(g) {
+  const act = (verb, values) => post(`/api/groups/${encodeURIComponent(g.id)}/${verb}`, values), open = g.counts.running + g.counts.queued + g.counts.paused;
+  const all = [
+    {label: 'Pause', for: open > g.counts.paused, act: () => act('pause')},
+    {label: 'Resume', for: g.counts.paused + g.counts.failed > 0, act: () => act('resume')},
+    {label: 'Priority…', for: open > 0, act: async () => setTimeout(() => ask({title: 'Priority of ' + g.name, text: 'Higher ones go first.', fields: [{name: 'priority', label: 'Priority', inputmode: 'numeric', value: String(g.priority)}], action: 'Set'}, (v) => act('priority', v)))},
+    {label: 'Cancel all', for: open > 0, danger: true, act: () => act('cancel')},
+  ];
+  choose(g.name, `All ${plural(g.frames.length, 'frame')} that it can be for.`, all.filter((a) => a.for));
+}
+
+// "12 of 240 frames, 3 failed"
+const frameText = (g) => `${g.counts.done} of ${plural(g.frames.length, 'frame')}` + (g.counts.failed ? `, ${g.counts.failed} failed` : '');
+
+// The line of a group: it unfolds, and steers all its frames.
+function groupRow(places, toggle, open) {
+  const cell = (name, ...children) => h('td', {class: 'c-' + name + (kNumbers.includes(name) ? ' num' : ''), role: 'cell'}, ...children);
+  let group = null;
+  const arrow = h('button', {type: 'button', class: 'fold', onclick: () => toggle(group.id)}), a = h('a', {}), note = h('span', {class: 'note'}), mark = h('span', {class: 'badge'});
+  const meter = bar('Progress'), done = h('span', {class: 'pc'}), steer = h('button', {type: 'button', class: 'control steer', onclick: () => steerGroup(group)}, 'Steer…');
+  const cells = {
+    picture: cell('picture', arrow), name: cell('name', a, note), state: cell('state', mark), progress: cell('progress', meter, done),
+    error: cell('error', '–'), left: cell('left', '–'), workers: cell('workers'), integrator: cell('integrator'), owner: cell('owner'), submitted: cell('submitted'),
+    priority: cell('priority'), iterations: cell('iterations'), time: cell('time', '–'), save: cell('save', steer),
+  };
+  const element = h('tr', {role: 'row'}, ...Object.values(cells));
+  return {
+    element,
+    picture: {again() {}},
+    update(g, index) {
+      group = g;
+      const unfolded = open.has(g.id);
+      element.setAttribute('aria-rowindex', index + 2);
+      if (element.className !== 'job group ' + g.state) element.className = 'job group ' + g.state;
+      arrow.setAttribute('aria-expanded', String(unfolded));
+      arrow.setAttribute('aria-label', (unfolded ? 'Fold ' : 'Unfold ') + g.name);
+      put(arrow, unfolded ? '▾' : '▸');
+      const path = '/?group=' + encodeURIComponent(g.id);
+      if (a.getAttribute('href') !== path) a.setAttribute('href', path);
+      put(a, g.name);
+      put(note, frameText(g) + (g.message ? '; ' + g.message : ''));
+      title(note, note.textContent);
+      put(mark, g.state);
+      mark.className = 'badge ' + g.state;
+      const line = g.state === 'queued' && !g.fraction, next = g.frames.map((j) => places.get(j.id)).filter(Boolean);
+      meter.hidden = line;
+      meter.value = g.fraction;
+      meter.setAttribute('aria-label', 'Progress of ' + g.name);
+      put(done, line ? lineOf(next.length ? Math.min(...next) : undefined) : percent(g.fraction));
+      done.classList.toggle('note', line);
+      put(cells.workers, g.workers ? String(g.workers) : '–');
+      put(cells.integrator, g.settings.integrator);
+      put(cells.owner, g.submitter || '–');
+      put(cells.submitted, shortWhen(g.submitted_unix_ms));
+      put(cells.priority, String(g.priority));
+      put(cells.iterations, g.iterations ? count(g.iterations) : '–');
+      steer.setAttribute('aria-label', 'Steer ' + g.name);
+    },
+  };
+}
 
 function jobRow(places) {
   const cell = (name, ...children) => h('td', {class: 'c-' + name + (kNumbers.includes(name) ? ' num' : ''), role: 'cell'}, ...children);
@@ -90,6 +152,29 @@ function jobRow(places) {
   };
 }
 
+function groupTile(places) {
+  const name = h('b', {}), mark = h('span', {class: 'badge'}), meter = bar('Progress'), frames = h('span', {class: 'num'}), picture = thumbnail('large');
+  const a = h('a', {}, picture.element, h('span', {class: 'head'}, name, mark), meter, h('span', {class: 'foot'}, frames));
+  const element = h('li', {}, a);
+  return {
+    element,
+    picture,
+    update(g) {
+      element.className = 'job group ' + g.state;
+      a.setAttribute('href', '/?view=mosaic&group=' + encodeURIComponent(g.id));
+      put(name, g.name);
+      title(a, g.name + (g.message ? '\n' + g.message : ''));
+      put(mark, g.state);
+      mark.className = 'badge ' + g.state;
+      meter.value = g.fraction;
+      meter.setAttribute('aria-label', 'Progress of ' + g.name);
+      put(frames, frameText(g));
+      const pictured = g.frames.find((j) => j.thumbnail);
+      if (pictured) picture.update(pictured);
+    },
+  };
+}
+
 function jobTile(places) {
   const picture = thumbnail('large'), name = h('b', {}), mark = h('span', {class: 'badge'}), meter = bar('Progress'), left = h('span', {class: 'num'}), error = h('span', {class: 'num'}), note = h('span', {class: 'note'});
   const a = h('a', {}, picture.element, h('span', {class: 'head'}, name, mark), meter, h('span', {class: 'foot'}, left, error, note));
@@ -119,7 +204,11 @@ export async function jobsPage({remember}) {
   document.title = 'Jobs – Candela';
   const began = await get('/api/throughput');  // also tells whether one may read
   let view = parseView(location.search), wall = null, over = false, typing = 0;
-  const places = new Map();
+  const places = new Map(), open = new Set();  // unfolded groups
+  const toggle = (id) => {
+    if (!open.delete(id)) open.add(id);
+    refresh();
+  };
   const throughput = new Throughput();
   const summary = h('p', {class: 'hidden', role: 'status'});
   const chips = h('div', {class: 'chips', role: 'group', 'aria-label': 'Show jobs that are'});
@@ -183,7 +272,7 @@ export async function jobsPage({remember}) {
       const before = h('li', {class: 'space', 'aria-hidden': 'true'}), after = h('li', {class: 'space', 'aria-hidden': 'true'});
       const list = h('ul', {class: 'mosaic', 'aria-label': 'Jobs'}, before, after);
       place.replaceChildren(list);
-      wall = new Window({box: list, before, after, columns: () => getComputedStyle(list).gridTemplateColumns.split(' ').length, make: () => jobTile(places)});
+      wall = new Window({box: list, before, after, columns: () => getComputedStyle(list).gridTemplateColumns.split(' ').length, make: (j) => (j.frames ? groupTile(places) : jobTile(places))});
     } else {
       const space = () => h('tr', {class: 'space', role: 'presentation', 'aria-hidden': 'true'}, h('td', {role: 'presentation'}));
       const before = space(), after = space(), body = h('tbody', {role: 'rowgroup'}, before, after);
@@ -191,7 +280,7 @@ export async function jobsPage({remember}) {
       const table = h('table', {class: 'jobs', role: 'table'}, h('caption', {class: 'hidden'}, 'Jobs of this farm'),
           h('thead', {role: 'rowgroup'}, h('tr', {role: 'row', 'aria-rowindex': 1}, h('th', {scope: 'col', role: 'columnheader', class: 'c-picture'}, h('span', {class: 'hidden'}, 'Picture')), ...names.map(head), h('th', {scope: 'col', role: 'columnheader', class: 'c-save'}, 'Save'))), body);
       place.replaceChildren(table);
-      wall = new Window({box: body, before, after, columns: () => 1, make: () => jobRow(places)});
+      wall = new Window({box: body, before, after, columns: () => 1, make: (j) => (j.frames ? groupRow(places, toggle, open) : jobRow(places))});
       if (focused) place.querySelector(`[data-sort="${focused}"]`)?.focus();
     }
     refresh();
@@ -199,7 +288,7 @@ export async function jobsPage({remember}) {
 
   const refresh = () => {
     if (over) return;
-    const {shown, counts, older} = arrange(jobs.values(), view);
+    const {shown, counts, older} = arrange(jobs.values(), view, open);
     places.clear();
     queue(jobs.values()).forEach((j, i) => places.set(j.id, i + 1));
     showChips(counts);
@@ -209,7 +298,7 @@ export async function jobsPage({remember}) {
     place.hidden = !shown.length;
     empty.hidden = shown.length > 0;
     put(empty, !complete && !jobs.size ? 'Loading …' : jobs.size ? 'No job is like this.' : 'There are no jobs. Submit one with: candela submit SCENE.xml --spp 256');
-    more.replaceChildren(...(older ? [link('/?state=failed', older + ' more failed jobs'), ' '] : []),
+    more.replaceChildren(...(view.group ? [link('/' + viewQuery({...view, group: ''}), 'All jobs'), ' '] : []), ...(older ? [link('/?state=failed', older + ' more failed ones'), ' '] : []),
         complete ? (total > jobs.size ? `${total - jobs.size} older jobs are not here: candela list has them.` : '') : jobs.size ? `Loading ${jobs.size} of ${total} …` : '');
     more.hidden = !more.textContent;
     put(summary, `${shown.length} of ${total} jobs shown`);

@@ -7,7 +7,7 @@ export const kStates = ['failed', 'running', 'queued', 'paused', 'done', 'cancel
 const kRank = Object.fromEntries(kStates.map((s, i) => [s, i]));
 const kMostFailed = 5;  // of the list as a whole: those that failed long ago must not hide what runs
 
-export const share = (j) => (j.state === 'done' ? 1 : progress(j));
+export const share = (j) => (j.frames ? j.fraction : j.state === 'done' ? 1 : progress(j));
 const ended = (j) => kRank[j.state] >= 4 || j.state === 'failed';
 const order = (a, b) => (a < b ? -1 : a > b ? 1 : 0);
 
@@ -69,6 +69,7 @@ export function parseView(search) {
     down: sort !== '' && (q.has('order') ? q.get('order') === 'down' : !!kColumns[sort].down),
     states: kStates.filter((s) => (q.get('state') ?? '').split(',').includes(s)),
     text: q.get('name') ?? '',
+    group: q.get('group') ?? '',
   };
 }
 export function viewQuery(view) {
@@ -78,6 +79,7 @@ export function viewQuery(view) {
   if (view.sort) q.push('sort=' + view.sort);
   if (view.sort && view.down !== !!kColumns[view.sort].down) q.push('order=' + (view.down ? 'down' : 'up'));
   if (view.text) q.push('name=' + encodeURIComponent(view.text));
+  if (view.group) q.push('group=' + encodeURIComponent(view.group));
   return q.length ? '?' + q.join('&') : '';
 }
 
@@ -98,19 +100,62 @@ export function matcher(text) {
   return (j) => words.every((w) => w(j));
 }
 
-// Returns the jobs that the view shows, in order. `older`: failed jobs that only the filter shows.
-export function arrange(jobs, view) {
-  const fits = matcher(view.text), shown = [], counts = Object.fromEntries(kStates.map((s) => [s, 0]));
+// The state of a group: that of its frames that comes first here (the master's state_of).
+const kGroupStates = ['running', 'queued', 'paused', 'failed', 'cancelled', 'done'];
+const least = (values) => values.filter((v) => v !== null && v !== undefined).reduce((a, b) => (a === null || b < a ? b : a), null);
+
+// One line for the frames of a group, with the fields of a job's line and `frames`, in the order of their numbers.
+export function groupOf(jobs) {
+  const frames = jobs.slice().sort((a, b) => a.group.frame - b.group.frame || order(a.id, b.id));
+  const first = frames[0], counts = Object.fromEntries(kStates.map((s) => [s, 0]));
+  let fraction = 0, workers = 0, iterations = 0;
+  for (const j of frames) {
+    ++counts[j.state];
+    fraction += share(j) ?? 0;
+    workers += j.workers ?? 0;
+    iterations += j.iterations;
+  }
+  const state = kGroupStates.find((s) => counts[s]) ?? first.state, open = frames.filter((j) => !ended(j)), failed = frames.find((j) => j.state === 'failed');
+  const finished = frames.map((j) => j.finished_unix_ms ?? 0);
+  return {
+    ...first, id: first.group.id, name: first.group.name, frames, counts, state, workers, iterations, iterations_asked: null, fraction: fraction / frames.length,
+    priority: Math.max(...(open.length ? open : frames).map((j) => j.priority)), turn: least(frames.map((j) => (j.state === 'queued' ? j.turn : null))),
+    submitted_unix_ms: least(frames.map((j) => j.submitted_unix_ms)), finished_unix_ms: open.length ? null : Math.max(...finished),
+    elapsed_seconds: 0, eta_seconds: null, error: null, error_upper: null, thumbnail: null, group: null,
+    message: failed ? `frame ${failed.group.frame}: ${failed.message}` : '',
+  };
+}
+
+// Groups in place of their frames; those of `open` (ids) are followed by their frames.
+export function fold(jobs, compare, open) {
+  const groups = new Map(), rows = [];
   for (const j of jobs) {
-    if (!fits(j)) continue;
+    if (!j.group) rows.push(j);
+    else if (groups.has(j.group.id)) groups.get(j.group.id).push(j);
+    else groups.set(j.group.id, [j]);
+  }
+  for (const frames of groups.values()) rows.push(groupOf(frames));
+  rows.sort(compare);
+  return {rows, unfolded: (shown) => shown.flatMap((j) => (j.frames && open.has(j.id) ? [j, ...j.frames] : [j]))};
+}
+
+// Returns the lines that the view shows, in order: jobs, and groups in place of their frames but for those in `open`. `older`:
+// failed ones that only the filter shows.
+export function arrange(jobs, view, open = new Set()) {
+  const fits = matcher(view.text), found = [], counts = Object.fromEntries(kStates.map((s) => [s, 0]));
+  for (const j of jobs) {
+    if ((view.group && j.group?.id !== view.group) || !fits(j)) continue;
     counts[j.state] = (counts[j.state] ?? 0) + 1;
-    if (!view.states.length || view.states.includes(j.state)) shown.push(j);
+    if (!view.states.length || view.states.includes(j.state)) found.push(j);
   }
-  shown.sort(comparator(view));
+  const compare = comparator(view);
+  if (view.group) return {shown: found.sort(view.sort ? compare : (a, b) => a.group.frame - b.group.frame || order(a.id, b.id)), counts, older: 0};
+  const {rows, unfolded} = fold(found, compare, open);
   let older = 0;
-  if (!view.sort && !view.states.length && !view.text && counts.failed > kMostFailed) {
-    older = counts.failed - kMostFailed;
-    shown.splice(kMostFailed, older);
+  const failed = rows.reduce((n, j) => n + (j.state === 'failed' ? 1 : 0), 0);
+  if (!view.sort && !view.states.length && !view.text && failed > kMostFailed) {
+    older = failed - kMostFailed;
+    rows.splice(kMostFailed, older);
   }
-  return {shown, counts, older};
+  return {shown: unfolded(rows), counts, older};
 }

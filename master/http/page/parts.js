@@ -53,3 +53,20 @@ export function ask({title, text, fields = [], action, danger}, act) {
   dialog.showModal();
   if (inputs.length) inputs[0].focus();
 }
+
+// A question with several answers: [{label, act, danger}]. An error that one throws is shown.
+export function choose(title, text, actions) {
+  const trouble = h('p', {class: 'trouble', role: 'alert'});
+  const button = ({label, act, danger}) => h('button', {type: 'button', class: danger ? 'danger' : '', onclick: async () => {
+    put(trouble, '');
+    try {
+      await act();
+      dialog.close();
+    } catch (e) {
+      put(trouble, e.message);
+    }
+  }}, label);
+  dialog.replaceChildren(h('h2', {id: 'dialog-title'}, title), h('p', {}, text), trouble,
+      h('div', {class: 'buttons'}, h('button', {type: 'button', onclick: () => dialog.close()}, 'Back'), ...actions.map(button)));
+  dialog.showModal();
+}

@@ -4,7 +4,7 @@
 namespace candela::image {
 
 Result<const ImageCodec*> image_codec() {
-  return candela_image_codec_2();
+  return candela_image_codec_3();
 }
 
 Result<void> check_image_module() {

@@ -86,6 +86,19 @@ Result<Bsdf> Bsdf::with_strict_normals(Bsdf bsdf) {
   return strict;
 }
 
+Result<Bsdf> Bsdf::with_edits(const std::vector<Bsdf>& bsdfs, std::uint32_t nested, SurfaceEdits edits) {
+  EditedSurface surface;
+  surface.bsdfs = &bsdfs;
+  surface.nested = nested;
+  surface.edits = std::make_unique<SurfaceEdits>(std::move(edits));
+  Bsdf edited;
+  edited.plugin_ = bsdfs[nested].plugin_;  // it is listed as its part
+  edited.surface_ = std::move(surface);
+  if (edited.arena_parts() > ClosureArena::kParts)
+    return input_error(too_many_parts() + ", of which the edit is one");
+  return edited;
+}
+
 void Bsdf::prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, Closure& out) const {
   std::visit(
       [&](const auto& surface) {

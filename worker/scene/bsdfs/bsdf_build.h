@@ -33,6 +33,8 @@ class Bsdf {
   static Bsdf default_diffuse();
   // The bsdf as strict_normals has it (strict_normals.h).
   static Result<Bsdf> with_strict_normals(Bsdf bsdf);
+  // bsdfs[nested] with edits (edited.h). `bsdfs` outlives it.
+  static Result<Bsdf> with_edits(const std::vector<Bsdf>& bsdfs, std::uint32_t nested, SurfaceEdits edits);
 
   // wo: unit, in the hit's shading frame, towards where the walk came from. The closure is good for as long
   // as the arena is not cleared.

@@ -16,6 +16,7 @@
 #include "worker/scene/bsdfs/dielectric.h"
 #include "worker/scene/bsdfs/difftrans.h"
 #include "worker/scene/bsdfs/diffuse.h"
+#include "worker/scene/bsdfs/edited.h"
 #include "worker/scene/bsdfs/hk.h"
 #include "worker/scene/bsdfs/mask.h"
 #include "worker/scene/bsdfs/null.h"
@@ -41,7 +42,8 @@ using BsdfSurface =
                  PhongSurface, WardSurface, PrincipledSurface, RoughDielectricSurface, ThinDielectricSurface,
                  PlasticSurface, RoughPlasticSurface, TwoSidedSurface, BlendSurface, MaskSurface,
                  PerturbedSurface, RoughDiffuseSurface, DiffuseTransmitterSurface, LayerSurface,
-                 CoatingSurface, RoughCoatingSurface, StrictNormalsSurface, PrincipledThinSurface>;
+                 CoatingSurface, RoughCoatingSurface, StrictNormalsSurface, PrincipledThinSurface,
+                 EditedSurface>;
 
 inline constexpr std::size_t kBsdfKinds = std::variant_size_v<BsdfSurface>;
 

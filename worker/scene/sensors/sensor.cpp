@@ -28,7 +28,7 @@ constexpr const char* kOutOfRange =
 }  // namespace
 
 Result<Sensor> Sensor::build(const description::Object& sensor, std::uint32_t film_width,
-                             std::uint32_t film_height) {
+                             std::uint32_t film_height, const std::optional<Crop>& crop) {
   const bool thinlens = sensor.plugin == "thinlens", orthographic = sensor.plugin == "orthographic";
   if (sensor.plugin != "perspective" && !thinlens && !orthographic) {
     return input_error("sensor '" + sensor.plugin +
@@ -40,12 +40,16 @@ Result<Sensor> Sensor::build(const description::Object& sensor, std::uint32_t fi
   const auto films = sensor.children_of("film");
   const description::FilmWindow window =
       films.empty() ? description::FilmWindow() : description::film_window(*films[0]);
-  const double width =
-                   film_width * (static_cast<double>(window.film_width) / static_cast<double>(window.width)),
-               height = film_height *
+  const std::uint32_t window_width = crop ? crop->whole_width : film_width,
+                      window_height = crop ? crop->whole_height : film_height;
+  const double width = window_width *
+                       (static_cast<double>(window.film_width) / static_cast<double>(window.width)),
+               height = window_height *
                         (static_cast<double>(window.film_height) / static_cast<double>(window.height));
-  const double left = width * (static_cast<double>(window.x) / static_cast<double>(window.film_width)),
-               top = height * (static_cast<double>(window.y) / static_cast<double>(window.film_height));
+  const double left = width * (static_cast<double>(window.x) / static_cast<double>(window.film_width)) +
+                      (crop ? crop->x : 0),
+               top = height * (static_cast<double>(window.y) / static_cast<double>(window.film_height)) +
+                     (crop ? crop->y : 0);
   const double aspect = width / height;
 
   Sensor out;

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <optional>
 
 #include "common/base/result.h"
 #include "common/description/object.h"
+#include "common/job/job.h"
 #include "worker/core/vec.h"
 #include "worker/core/warp.h"
 #include "worker/scene/bounds.h"
@@ -18,9 +20,9 @@ namespace candela::scene {
 class Sensor {
  public:
   // The image's size in pixels. The field of view refers to the whole film, of which the image is the crop
-  // window.
+  // window, or the part `crop` of that.
   static Result<Sensor> build(const description::Object& sensor, std::uint32_t film_width,
-                              std::uint32_t film_height);
+                              std::uint32_t film_height, const std::optional<Crop>& crop = {});
 
   // Parallel rays from outside of the scene, which these bounds enclose: all that pass a target, a disk or a
   // parallelogram. Its film is one pixel. A target that is a point has one ray, which no light path finds.

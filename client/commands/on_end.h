@@ -1,0 +1,32 @@
+// --on-end: a command that runs when a job or group has ended.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/context.h"
+#include "common/wire/wire.h"
+
+namespace CLI {
+class App;
+}
+
+namespace candela::client {
+
+struct EndedJob {
+  std::string id, name, state;
+};
+// Of a v1::JobStatus or v1::GroupStatus.
+template <class Status>
+EndedJob ended_job(const Status& status) {
+  return {status.id(), status.name(), std::string(wire::name(status.state()))};
+}
+
+void add_on_end(CLI::App& app, std::optional<std::string>& command, const std::string& when);
+
+// Runs `command` by /bin/sh once for each, with CANDELA_JOB_ID, CANDELA_JOB_NAME and CANDELA_JOB_STATE, and
+// tells a failure. Returns 1 if one failed. An empty command does nothing.
+int run_on_end(Context& context, const std::string& command, const std::vector<EndedJob>& ended);
+
+}  // namespace candela::client

@@ -1,0 +1,127 @@
+#include "client/embedded/inspect_scene.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <thread>
+
+#include "client/values.h"
+
+namespace candela::client {
+namespace {
+
+constexpr unsigned kMostThreads = 1024;
+constexpr const char* kSpot = "spot";
+
+Result<inspect::Selection> selection_of(const InspectOptions& options, std::optional<letters::Region>& spot) {
+  inspect::Selection selection;
+  if (options.select) {
+    if (options.select->empty()) return usage_error("the expression is empty").with_field("--select");
+    selection.expression = *options.select;
+  }
+  if (options.scene.glossy_below) {
+    auto parsed = letters::parse_glossy_below(*options.scene.glossy_below);
+    if (!parsed) return std::move(parsed).error().with_field("--glossy-below");
+    selection.glossy_below = *parsed;
+  }
+  for (const std::string& text : options.regions) {
+    const bool named = text.find('=') != std::string::npos;
+    auto region = letters::parse_region(named ? text : std::string(kSpot) + "=" + text);
+    if (!region) return std::move(region).error().with_field("--region");
+    if (!named) {
+      if (spot) return usage_error("two regions have no name").with_field("--region");
+      spot = *region;
+    }
+    selection.regions.push_back(*std::move(region));
+  }
+  letters::LayerRequest request{{{"select", selection.expression}}, selection.regions};
+  request.glossy_below = selection.glossy_below;
+  if (selection.expression.empty()) request.layers[0].text = "L[DGSV]*E";
+  if (auto checked = letters::check(request); !checked)
+    return std::move(checked).error().with_field(options.select ? "--select" : "--region");
+  return selection;
+}
+
+}  // namespace
+
+void add_inspect_options(CLI::App& app, InspectOptions& options) {
+  SceneOptions& scene = options.scene;
+  app.add_option("scene", scene.scene, "Scene file (Mitsuba XML, or pbrt)")->required()->type_name("SCENE");
+  add_texts(app, "-D,--define", scene.defines, "Set a $parameter of the scene; may be repeated",
+            "NAME=VALUE");
+  app.add_flag("--lenient", scene.lenient,
+               "Accept unknown parameters, elements and plugins: warn, and leave them out or use the nearest "
+               "known plugin");
+  add_texts(app, "--set", scene.sets, "Set a setting of the integrator, such as max_depth=4; may be repeated",
+            "KEY=VALUE");
+  add_text(app, "--select", options.select,
+           "Show only light whose paths match this light path expression, such as LS+DE", "EXPR");
+  add_text(app, "--glossy-below", scene.glossy_below,
+           "Roughness alpha below which light that is not mirrored counts as G, above as D (default 0.3)",
+           "ALPHA");
+  add_text(app, "--seed", scene.seed, "Seed; default: that of the scene's sampler, else 0", "N");
+  add_text(app, "--size", scene.size,
+           "Size of the image in pixels; default: the scene's film, or its crop window", "WxH");
+  add_text(app, "--threads", options.threads, "Threads; default: one for each core", "N");
+  add_text(app, "--scene-memory", scene.scene_memory,
+           "Maximum memory for reading the scene, such as 500M or 20G; default: half of the memory", "SIZE");
+}
+
+Result<OpenedScene> open_for_inspection(Context& context, const InspectOptions& options,
+                                        const std::string& integrator) {
+  OpenedScene opened;
+  opened.threads = std::max(1U, std::thread::hardware_concurrency());
+  if (options.threads) {
+    CANDELA_ASSIGN(const std::uint64_t threads, parse_count(*options.threads, "--threads", 1, kMostThreads));
+    opened.threads = static_cast<unsigned>(threads);
+  }
+  CANDELA_ASSIGN(const inspect::Selection selection, selection_of(options, opened.spot));
+  SceneOptions wanted = options.scene;
+  wanted.integrator = integrator;
+  wanted.layers = {"none"};  // what the scene's own integrator adds to an image
+  wanted.aov = "none";
+  wanted.glossy_below = {};
+  CANDELA_ASSIGN(LoadedScene scene, load_scene(wanted, context.facts));
+  scene.job.other_integrator.reset();  // the tool has one integrator
+  scene.job.default_integrator.reset();
+  warn_of_scene(context.err, scene);
+  const auto sensors = scene.gathered.description.scene->children_of("sensor");
+  opened.sensor = sensors.empty() ? std::string() : sensors[0]->plugin;
+  auto session = inspect::Session::open(bundle::DiskSource(scene.folder), scene.gathered.bundle.main_path,
+                                        scene.gathered.bundle.parameters, scene.job.settings, selection,
+                                        opened.threads, scene.memory_bytes);
+  if (!session) {
+    Error error = std::move(session).error();
+    if (options.select && error.field.empty() && error.message.starts_with("layer 'select'"))
+      return std::move(error).with_field("--select");
+    return error;
+  }
+  opened.session = *std::move(session);
+  return opened;
+}
+
+Result<void> check_projection(const OpenedScene& scene, const std::string& option) {
+  if (scene.sensor != "irradiancemeter" && scene.sensor != "distant") return {};
+  return usage_error(fmt::format("the scene's sensor '{}' has no picture of the scene", scene.sensor))
+      .with_field(option)
+      .with_mend("use a scene with a perspective, thinlens or orthographic sensor");
+}
+
+Result<std::vector<double>> parse_numbers(const std::string& text, const std::string& option,
+                                          std::size_t count, double least, double most) {
+  std::vector<double> numbers;
+  std::size_t begin = 0;
+  while (begin <= text.size()) {
+    const std::size_t end = std::min(text.find(',', begin), text.size());
+    CANDELA_ASSIGN(const double number, parse_number(text.substr(begin, end - begin), option, least, most));
+    numbers.push_back(number);
+    begin = end + 1;
+  }
+  if (numbers.size() != count)
+    return usage_error(fmt::format("'{}' has {} numbers, not {}", printable(text), numbers.size(), count))
+        .with_field(option);
+  return numbers;
+}
+
+}  // namespace candela::client

@@ -1,0 +1,147 @@
+#include "common/edits/selection.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <set>
+#include <string_view>
+#include <utility>
+
+#include "common/letters/expression.h"
+
+namespace candela::edits {
+namespace {
+
+using letters::Automaton;
+using letters::Letter;
+using letters::Side;
+
+// The name under which the automaton knows the expression.
+constexpr std::string_view kLayer = "edit";
+
+// What the automaton says of the layer, said of the edit. `before`: bytes put before the user's expression.
+Error error_of(const Edit& edit, Error error, std::size_t before) {
+  const std::string layer = fmt::format("layer '{}'", kLayer);
+  std::string_view rest = error.message;
+  if (rest.starts_with(layer)) rest.remove_prefix(layer.size());
+  constexpr std::string_view column = ", column ";
+  std::size_t number = 0;
+  std::string text(rest);
+  if (rest.starts_with(column)) {
+    const auto [end, code] = std::from_chars(rest.data() + column.size(), rest.data() + rest.size(), number);
+    if (code == std::errc() && number > before)
+      text = fmt::format("{}{}{}", column, number - before,
+                         std::string_view(end, static_cast<std::size_t>(rest.data() + rest.size() - end)));
+  }
+  if (rest == " matches no path") {
+    text = fmt::format(" selects no vertex by '{}'", edit.select);
+    error.mend =
+        edit.direction == Edit::Direction::light
+            ? "an edit of light begins with L and ends with the edited surface: LX*S{mirror}"
+            : "an edit of what is gathered begins with the edited surface and ends with E: X{wall}X*E";
+  }
+  error.message = fmt::format("edit '{}'{}", edit.name, text);
+  return error;
+}
+
+Error refusal(const Edit& edit, std::string_view why, std::string mend) {
+  return input_error(fmt::format("edit '{}': '{}' {}", edit.name, edit.select, why))
+      .with_mend(std::move(mend));
+}
+
+}  // namespace
+
+Result<Selection> Selection::compile(const EditList& list, const Edit& edit,
+                                     std::span<const letters::ObjectNames> objects,
+                                     std::span<const std::uint8_t> uses) {
+  const bool of_light = edit.direction == Edit::Direction::light;
+  // A whole path, in which the selected vertex is the last or the first.
+  letters::LayerRequest request;
+  const std::string_view before = of_light ? "(" : "L(";
+  request.layers = {{std::string(kLayer), fmt::format("{}{}{}", before, edit.select, of_light ? ")E" : ")")}};
+  std::vector<std::uint8_t> bits;
+  const auto tree = letters::parse_expression(edit.select);
+  if (!tree.ok()) return refusal(edit, "is no expression: " + tree.error().message, "");
+  letters::for_each_token(*tree, [&](const letters::Token& token) {
+    for (std::size_t r = 0; r < list.regions.size(); ++r)
+      if (list.regions[r].name == token.region && std::find(bits.begin(), bits.end(), r) == bits.end()) {
+        bits.push_back(static_cast<std::uint8_t>(r));
+        request.regions.push_back(list.regions[r]);
+      }
+  });
+  request.glossy_below = list.glossy_below;
+  if (auto checked = letters::check(request); !checked.ok())
+    return error_of(edit, std::move(checked).error(), before.size());
+  auto compiled = Automaton::compile(request, objects, uses);
+  if (!compiled.ok()) return error_of(edit, std::move(compiled).error(), before.size());
+  Selection selection(*std::move(compiled), std::move(bits));
+  const Automaton& automaton = selection.automaton_;
+
+  std::set<Automaton::Class> lamps, surfaces, media;
+  const std::uint32_t masks = 1u << request.regions.size();
+  for (std::uint32_t object = 0; object < objects.size(); ++object) {
+    const std::uint8_t use = uses.empty() ? std::uint8_t{7} : uses[object];
+    if ((use & letters::kLampObject) != 0)
+      lamps.insert(automaton.class_of(Letter::lamp, Side::none, object, 0));
+    if ((use & letters::kSurfaceObject) == 0 && (use & letters::kMediumObject) == 0) continue;
+    for (std::uint32_t regions = 0; regions < masks; ++regions) {
+      if ((use & letters::kMediumObject) != 0)
+        media.insert(automaton.class_of(Letter::volume, Side::none, object, regions));
+      for (const Letter letter : {Letter::diffuse, Letter::glossy, Letter::specular})
+        for (const Side side : {Side::reflected, Side::transmitted})
+          if ((use & letters::kSurfaceObject) != 0)
+            surfaces.insert(automaton.class_of(letter, side, object, regions));
+    }
+  }
+
+  // All states that a walk may be in when it comes to the vertex, from the edit's end.
+  const auto step = [&](std::uint32_t state, Automaton::Class c) -> std::uint32_t {
+    return of_light ? automaton.forward(static_cast<Automaton::State>(state), c)
+                    : automaton.reverse(static_cast<Automaton::State>(state), c);
+  };
+  std::set<std::uint32_t> starts, reached;
+  if (of_light)
+    for (const Automaton::Class lamp : lamps)
+      starts.insert(automaton.forward(automaton.forward_start(), lamp));
+  else
+    starts.insert(automaton.reverse_start());
+  std::vector<std::uint32_t> open(starts.begin(), starts.end());
+  reached = starts;
+  for (std::size_t i = 0; i < open.size(); ++i)
+    for (const auto* tokens : {&surfaces, &media})
+      for (const Automaton::Class c : *tokens)
+        if (const std::uint32_t next = step(open[i], c); reached.insert(next).second) open.push_back(next);
+
+  const auto accepts = [&](std::uint32_t state, Automaton::Class c) {
+    const std::uint32_t at = step(state, c);
+    if (of_light) return automaton.label(static_cast<Automaton::State>(at), automaton.reverse_start()) != 0;
+    for (const Automaton::Class lamp : lamps)
+      if (automaton.label(automaton.forward(automaton.forward_start(), lamp),
+                          static_cast<Automaton::State>(at)) != 0)
+        return true;
+    return false;
+  };
+  selection.selected_.assign(automaton.counts().classes, 0);
+  for (const std::uint32_t state : open) {
+    for (const Automaton::Class c : media)
+      if (accepts(state, c))
+        return refusal(edit, "selects scattering in a medium, which cannot be edited",
+                       "select surfaces: D, G, S or X");
+    for (const Automaton::Class c : surfaces) {
+      const auto verdict = static_cast<std::uint8_t>(accepts(state, c) ? 1 : 2);
+      std::uint8_t& known = selection.selected_[c];
+      if (known != 0 && known != verdict)
+        return refusal(edit, "depends on more of the path than the edited vertex",
+                       of_light        ? media.empty() ? "select from the vertex alone: LX*S{mirror}"
+                                                       : "select from the vertex alone: L[XV]*S{mirror}"
+                       : media.empty() ? "select from the vertex alone: X{wall}X*E"
+                                       : "select from the vertex alone: X{wall}[XV]*E");
+      known = verdict;
+    }
+  }
+  for (std::uint8_t& verdict : selection.selected_) verdict = verdict == 1 ? 1 : 0;
+  return selection;
+}
+
+}  // namespace candela::edits

@@ -1,0 +1,42 @@
+// Which vertices an edit selects. The verdict on a vertex has to follow from the vertex alone: an expression
+// such as LX*S{mirror} ("light, by any way, and last the mirror"), or X{wall}X*E for what the eye gathers.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/edits/edits.h"
+#include "common/letters/automaton.h"
+
+namespace candela::edits {
+
+class Selection {
+ public:
+  // objects, uses: as letters::Automaton::compile() has them. Errors (input) name the edit, and the column of
+  // the expression.
+  static Result<Selection> compile(const EditList& list, const Edit& edit,
+                                   std::span<const letters::ObjectNames> objects,
+                                   std::span<const std::uint8_t> uses);
+
+  // Precondition: `object` is that of a surface. regions: bit i is set inside region i of the list.
+  bool selects(letters::Letter letter, letters::Side side, std::uint32_t object,
+               std::uint32_t regions) const {
+    std::uint32_t own = 0;
+    for (std::size_t i = 0; i < regions_.size(); ++i) own |= (regions >> regions_[i] & 1u) << i;
+    return selected_[automaton_.class_of(letter, side, object, own)] != 0;
+  }
+
+ private:
+  Selection(letters::Automaton automaton, std::vector<std::uint8_t> regions)
+      : automaton_(std::move(automaton)), regions_(std::move(regions)) {}
+
+  letters::Automaton automaton_;
+  std::vector<std::uint8_t> regions_;   // of the list, by the bit that the automaton has for them
+  std::vector<std::uint8_t> selected_;  // by class
+};
+
+}  // namespace candela::edits

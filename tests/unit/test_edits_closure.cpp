@@ -1,0 +1,467 @@
+// Closures of edited bsdfs against the definition of an edit: a walk that turns what the bsdf scatters, and
+// leaves all else. The definition here is code of its own, and knows neither branches nor Jacobians.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <numbers>
+
+#include "common/edits/edits.h"
+#include "common/rng/stream.h"
+#include "scene_fixture.h"
+#include "worker/scene/bsdfs/bsdf_build.h"
+#include "worker/transport/vertex.h"
+
+namespace candela::scene {
+namespace {
+
+constexpr TransportMode kRadiance = TransportMode::radiance, kImportance = TransportMode::importance;
+
+// ---- the scene: one hit, one bsdf, some edits ----
+
+struct Edited {
+  test::TextFiles files{{}};
+  TextureStore textures{files};
+  std::vector<Bsdf> bsdfs;
+  SceneEdits scene;
+  edits::EditList list;
+  SurfaceHit hit;
+};
+
+struct Case {
+  std::string name, bsdf, edits;  // edits: what is in the list, in JSON
+  bool bumpy = false;             // the shading normal is not the geometric one
+  // Lobes that are edited.
+  bool diffuse = true, glossy = true, delta = true;
+};
+
+std::unique_ptr<Edited> make(const Case& c) {
+  auto e = std::make_unique<Edited>();
+  const test::TextFiles text(
+      {{"scene.xml", fmt::format("<scene version='3.0.0'><sensor type='perspective'/><shape "
+                                 "type='sphere'>{}</shape></scene>",
+                                 c.bsdf)}});
+  const auto parsed = description::parse_scene(text, "scene.xml", {});
+  EXPECT_TRUE(parsed.ok());
+  auto built = Bsdf::build(*parsed->scene->children_of("shape")[0]->children_of("bsdf").at(0), e->textures);
+  EXPECT_TRUE(built.ok());
+  e->bsdfs.push_back(*std::move(built));
+  const auto list = edits::parse_edits(R"({"regions": {"up": {"sphere": [1.2, 0.4, 1.1, 0.6]},
+      "side": {"box": [-2, -1, 0.3, -0.7, 1, 1.5]}}, "edits": [)" +
+                                       c.edits + "]}");
+  EXPECT_TRUE(list.ok()) << list.error().to_string();
+  e->list = *list;
+  for (const edits::Edit& edit : e->list.edits)
+    e->scene.edits.push_back(
+        {.of_light = edit.direction == edits::Edit::Direction::light,
+         .map = direction_map(edit),
+         .cone = cone_of(e->list, edit),
+         .factor = {static_cast<float>(edit.factor[0]), static_cast<float>(edit.factor[1]),
+                    static_cast<float>(edit.factor[2])}});
+  SurfaceEdits surface;
+  surface.scene = &e->scene;
+  surface.by_regions.resize(1);
+  const std::array<bool, 3> takes = {c.diffuse, c.glossy, c.delta};
+  for (std::size_t lobe = 0; lobe < 3; ++lobe)
+    for (std::size_t side = 0; side < 2; ++side)
+      for (std::size_t k = 0; takes[lobe] && k < e->scene.edits.size(); ++k) {
+        auto& t = surface.by_regions[0][lobe][side];
+        (e->scene.edits[k].of_light ? t.of_light : t.of_eye) |= static_cast<std::uint16_t>(1u << k);
+      }
+  auto edited = Bsdf::with_edits(e->bsdfs, 0, std::move(surface));
+  EXPECT_TRUE(edited.ok());
+  e->bsdfs.push_back(*std::move(edited));
+  const Vec3 n = normalize(Vec3{0.1f, -0.2f, 1});
+  e->hit.shading = make_frame(n);
+  e->hit.ng = c.bumpy ? normalize(Vec3{0.35f, -0.2f, 1}) : n;
+  e->hit.p = {0.1f, 0.2f, -0.1f};
+  // The scene was moved: places of the file are these, and the offset.
+  e->scene.offset = {0, 0, 0};
+  return e;
+}
+
+struct At {
+  const Edited& e;
+  ClosureArena arena, plain_arena;
+  Closure edited, plain;
+  At(const Edited& scene, Vec3 wo) : e(scene) {
+    e.bsdfs[1].prepare(e.hit, wo, arena, edited);
+    e.bsdfs[0].prepare(e.hit, wo, plain_arena, plain);
+  }
+  // With the correction for shading normals.
+  Spectrum value(const Closure& closure, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf) const {
+    const Spectrum v = closure.eval_pdf(wo, wi, mode, pdf);
+    return mode == kRadiance ? v : v * correction(wo, wi);
+  }
+  float correction(Vec3 wo, Vec3 wi) const {
+    return transport::shading_correction(e.hit, e.hit.shading.to_world(wo), e.hit.shading.to_world(wi));
+  }
+  double geometric(Vec3 w) const {
+    return std::abs(static_cast<double>(dot(e.hit.shading.to_world(w), e.hit.ng)));
+  }
+};
+
+// ---- the definition ----
+
+// Where w is sent by all edits of one direction, in order; false: lost. Gathers the factors on the way.
+bool sent(const Edited& e, bool of_light, Vec3 local, Vec3& out, Spectrum& factor) {
+  Vec3d w(e.hit.shading.to_world(local));
+  const Vec3d x = Vec3d(e.hit.p) + e.scene.offset, g(e.hit.ng), s(e.hit.shading.n);
+  for (std::size_t k = 0; k < e.list.edits.size(); ++k) {
+    const edits::Edit& edit = e.list.edits[k];
+    if ((edit.direction == edits::Edit::Direction::light) != of_light) continue;
+    if (!contains(cone_of(e.list, edit), x, normalize(w))) continue;
+    Vec3d o = w;
+    if (edit.rotate) {
+      const Vec3d axis{edit.rotate->axis[0], edit.rotate->axis[1], edit.rotate->axis[2]},
+          u = axis / length(axis);
+      const double a = edit.rotate->degrees * std::numbers::pi / 180;
+      o = w * std::cos(a) + cross(u, w) * std::sin(a) + u * (dot(u, w) * (1 - std::cos(a)));
+    } else if (edit.move) {
+      const auto vec = [](const edits::Triple& v) { return Vec3d{v[0], v[1], v[2]}; };
+      const Vec3d from = vec(edit.move->from), m = edit.move->normal ? vec(*edit.move->normal) : from - x;
+      const double t = dot(m, from - x) / dot(m, w);
+      const Vec3d y = x + w * t - from;
+      const auto& l = edit.move->linear;
+      const Vec3d image = vec(edit.move->to) + Vec3d{l[0] * y.x + l[1] * y.y + l[2] * y.z,
+                                                     l[3] * y.x + l[4] * y.y + l[5] * y.z,
+                                                     l[6] * y.x + l[7] * y.y + l[8] * y.z};
+      o = normalize(image - x) * (t < 0 ? -1.0 : 1.0);
+    }
+    if (!(dot(o, g) * dot(w, g) > 0) || !(dot(o, s) * dot(w, s) > 0)) return false;
+    factor *= Spectrum(static_cast<float>(edit.factor[0]), static_cast<float>(edit.factor[1]),
+                       static_cast<float>(edit.factor[2]));
+    w = o;
+  }
+  out = e.hit.shading.to_local(Vec3(w));
+  return true;
+}
+
+// Things to integrate against: local in direction, so that light at the wrong place is told from no light.
+constexpr int kTests = 4;
+std::array<double, kTests> tests_of(Vec3 w) {
+  const auto bump = [&](Vec3 a) { return std::exp(6.0 * (static_cast<double>(dot(w, normalize(a))) - 1)); };
+  return {1, bump({1, 0.3f, 1}), bump({-1, 0.2f, 0.6f}), bump({0.2f, -1, -0.7f})};
+}
+
+struct Sums {
+  std::array<double, kTests> value{};
+  double pdf = 0, lost = 0;
+  void add(Vec3 w, double v, double p, double area) {
+    const auto t = tests_of(w);
+    for (int i = 0; i < kTests; ++i)
+      value[static_cast<std::size_t>(i)] += v * t[static_cast<std::size_t>(i)] * area;
+    pdf += p * area;
+  }
+};
+
+// Over the sphere, by midpoints; fine enough for lobes of alpha 0.3 and the rims of cones.
+void over_sphere(const std::function<void(Vec3, double)>& visit) {
+  constexpr int kRows = 200, kColumns = 240;
+  for (int r = 0; r < kRows; ++r)
+    for (int c = 0; c < kColumns; ++c) {
+      const double z = -1 + (2 * r + 1.0) / kRows, phi = 2 * std::numbers::pi * (c + 0.5) / kColumns,
+                   s = std::sqrt(1 - z * z);
+      visit(Vec3(Vec3d{s * std::cos(phi), s * std::sin(phi), z}), 4 * std::numbers::pi / (kRows * kColumns));
+    }
+}
+
+const std::string kDiffuse =
+    "<bsdf type='twosided'><bsdf type='diffuse'><rgb name='reflectance' value='0.8'/></bsdf></bsdf>";
+const std::string kRough = "<bsdf type='roughconductor'><float name='alpha' value='0.35'/></bsdf>";
+const std::string kPlastic =
+    "<bsdf type='roughplastic'><float name='alpha' value='0.25'/><rgb name='diffuse_reflectance' "
+    "value='0.6'/></bsdf>";
+const std::string kGlass = "<bsdf type='roughdielectric'><float name='alpha' value='0.4'/></bsdf>";
+
+const std::string kTurn =
+    R"({"name": "turn", "direction": "light", "select": "LX*X", "rotate": {"axis": [1, 2, 0.5], "degrees": 25}})";
+const std::string kMove =
+    R"({"name": "move", "direction": "light", "select": "LX*X", "move": {"from": [0.5, 0.2, 1.5], "to": [0.2, 0.9, 1.1],
+        "linear": [1.4, 0.2, 0, 0, 0.7, 0.1, 0, 0, 1], "normal": [0.1, 0, 1]}})";
+const std::string kHighlight =
+    R"({"name": "highlight", "direction": "light", "select": "LX*X", "source": "up", "move": {"to": [-0.9, 0.2, 1.2],
+        "stretch": [1.5, 0.8, 1]}})";
+const std::string kSecond =
+    R"({"name": "second", "direction": "light", "select": "LX*X", "source": "side", "rotate": {"axis": [0, 0, 1],
+        "degrees": 70}, "tint": [0.5, 1, 1]})";
+const std::string kGather =
+    R"({"name": "gather", "direction": "eye", "select": "XX*E", "source": "side", "move": {"to": [1, -0.6, 1.2],
+        "normal": [1, 0, 0.4]}})";
+const std::string kTint =
+    R"({"name": "tint", "direction": "light", "select": "LX*X", "source": "up", "scale": 0.25})";
+
+const std::vector<Case>& cases() {
+  static const std::vector<Case> all = {
+      {"rotation", kDiffuse, kTurn},
+      {"rotation_bumpy", kRough, kTurn, true},
+      {"affine", kRough, kMove},
+      {"affine_bumpy", kDiffuse, kMove, true},
+      {"highlight", kRough, kHighlight},
+      {"highlight_bumpy", kRough, kHighlight, true},
+      {"sequence", kDiffuse, kHighlight + "," + kSecond},
+      {"sequence_back", kDiffuse, kSecond + "," + kHighlight},
+      {"gather", kRough, kGather},
+      {"gather_bumpy", kPlastic, kGather, true},
+      {"both", kDiffuse, kHighlight + "," + kGather},
+      {"both_bumpy", kRough, kGather + "," + kMove, true},
+      {"tint", kPlastic, kTint},
+      {"glossy_alone", kPlastic, kHighlight, false, false, true},
+      {"diffuse_alone", kPlastic, kTurn, false, true, false},
+      {"glossy_gathers", kPlastic, kGather, true, false, true},
+      {"glossy_both", kPlastic, kMove + "," + kGather, false, false, true},
+      {"rough_glass", kGlass, kTurn},
+  };
+  return all;
+}
+std::vector<Vec3> directions_from() {
+  return {normalize(Vec3{0.3f, -0.2f, 1}), normalize(Vec3{-0.9f, 0.6f, 0.45f})};
+}
+
+class EditedClosures : public testing::TestWithParam<Case> {};
+
+// Claim: what an edited surface scatters, from any direction, is what the plain one scatters, turned
+// direction by direction: as a walk from the light sees it for edits of light, and as one from the eye does
+// for the others.
+TEST_P(EditedClosures, ScatterWhatTheDefinitionTurns) {
+  const Case& c = GetParam();
+  const auto e = make(c);
+  const float below = e->scene.glossy_below;
+  for (const bool of_light : {true, false}) {
+    bool only = true;
+    for (const auto& edit : e->scene.edits) only &= edit.of_light == of_light;
+    if (!only) continue;  // both kinds at once: the next test
+    const TransportMode mode = of_light ? kImportance : kRadiance;
+    for (const Vec3 wo : directions_from()) {
+      const At at(*e, wo);
+      Sums turned, edited;
+      over_sphere([&](Vec3 w, double area) {
+        float pdf = 0;
+        const Spectrum v = at.value(at.edited, wo, w, mode, pdf);
+        edited.add(w, static_cast<double>(v.r), 0, area);
+        const Spectrum all = at.value(at.plain, wo, w, mode, pdf);
+        const float correct = mode == kRadiance ? 1.0f : at.correction(wo, w);
+        const Spectrum diffuse = at.plain.eval_diffuse(wo, w, mode, below) * correct;
+        float moved = 0, kept = 0;
+        (c.diffuse ? moved : kept) += diffuse.r;
+        (c.glossy ? moved : kept) += all.r - diffuse.r;
+        turned.add(w, static_cast<double>(kept), 0, area);
+        Vec3 o;
+        Spectrum factor(1);
+        if (moved > 0 && sent(*e, of_light, w, o, factor))
+          turned.add(o, static_cast<double>(moved * factor.r), 0, area);
+      });
+      for (std::size_t i = 0; i < kTests; ++i)
+        EXPECT_NEAR(edited.value[i], turned.value[i], 0.006 * turned.value[0] + 0.01 * turned.value[i])
+            << c.name << " " << i;
+      EXPECT_GT(turned.value[0], 0.1);
+    }
+  }
+}
+
+// Claim: walks from the eye and from the light see one bsdf.
+TEST_P(EditedClosures, AreOneBsdfInBothModes) {
+  const auto e = make(GetParam());
+  rng::Stream stream(rng::key(21));
+  int compared = 0;
+  double largest = 0;
+  for (int i = 0; i < 4000; ++i) {
+    const Vec3 o = test::uniform_direction(stream), l = test::uniform_direction(stream);
+    const At eye(*e, o), light(*e, l);
+    float pdf = 0;
+    const Spectrum from_eye = eye.value(eye.edited, o, l, kRadiance, pdf),
+                   from_light = light.value(light.edited, l, o, kImportance, pdf);
+    const double a = static_cast<double>(from_eye.g) * eye.geometric(o),
+                 b = static_cast<double>(from_light.g) * eye.geometric(l);
+    if (a == 0 && b == 0) continue;
+    ++compared;
+    largest = std::max(largest, std::abs(a - b) / (a + b + 1e-4));
+    EXPECT_NEAR(a, b, 2e-3 * (a + b) + 1e-5) << i;
+  }
+  EXPECT_GT(compared, 100);
+}
+
+// Claim: samples of an edited surface have the density that it tells, in both modes, and weights that bring
+// its value: sums over samples are the integrals. Fails by chance with probability below 1e-5 for each of the
+// 640 sums.
+TEST_P(EditedClosures, DrawWhatTheyTell) {
+  const Case& c = GetParam();
+  const auto e = make(c);
+  constexpr int kSamples = 8000;
+  for (const TransportMode mode : {kRadiance, kImportance})
+    for (const Vec3 wo : directions_from()) {
+      const At at(*e, wo);
+      Sums exact;
+      over_sphere([&](Vec3 w, double area) {
+        float pdf = 0;
+        const Spectrum v = at.value(at.edited, wo, w, mode, pdf);
+        exact.add(w, static_cast<double>(v.r), static_cast<double>(pdf), area);
+      });
+      rng::Stream stream(rng::key(31));
+      std::array<double, kTests> mean{}, squares{};
+      double drawn = 0;
+      for (int i = 0; i < kSamples; ++i) {
+        const float u_lobe = stream.next_float(), u = stream.next_float(), v = stream.next_float();
+        BsdfSample s;
+        if (!at.edited.sample(wo, u_lobe, {u, v}, mode, s)) continue;
+        ASSERT_FALSE(s.delta);
+        drawn += 1;
+        float pdf = 0;
+        const Spectrum value = at.edited.eval_pdf(wo, s.wi, mode, pdf);
+        EXPECT_NEAR(pdf / s.pdf_solid_angle, 1, 2e-3);
+        EXPECT_NEAR(s.weight.r * s.pdf_solid_angle, value.r, 4e-3f * value.r + 1e-5f);
+        const auto t = tests_of(s.wi);
+        const float correct = mode == kRadiance ? 1.0f : at.correction(wo, s.wi);
+        for (std::size_t k = 0; k < kTests; ++k) {
+          const double x = static_cast<double>(s.weight.r * correct) * t[k];
+          mean[k] += x / kSamples;
+          squares[k] += x * x / kSamples;
+        }
+      }
+      const double fraction = drawn / kSamples;
+      EXPECT_NEAR(fraction, exact.pdf, 4.5 * std::sqrt(fraction * (1 - fraction) / kSamples) + 6e-3)
+          << c.name;
+      for (std::size_t k = 0; k < kTests; ++k)
+        EXPECT_NEAR(
+            mean[k], exact.value[k],
+            4.5 * std::sqrt(std::max(0.0, squares[k] - mean[k] * mean[k]) / kSamples) + 6e-3 * exact.value[0])
+            << c.name << " " << k << " mode " << static_cast<int>(mode);
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(, EditedClosures, testing::ValuesIn(cases()),
+                         [](const auto& one) { return one.param.name; });
+
+// ---- branches ----
+
+// Claim: a direction of the target alone was reached by light that was moved and by light that always went
+// there; one of the source alone by none; one of both by the moved; one of neither by the original. Each is
+// one term.
+TEST(EditBranches, AreMovedAndOriginalLight) {
+  // Turned about the normal by 90 degrees, from a cone around +x to one around +y.
+  const Case c{
+      "", kDiffuse,
+      R"({"name": "a", "direction": "light", "select": "LX*X", "source": "cone", "rotate": {"axis": [0, 0, 1], "degrees": 90}})"};
+  auto e = std::make_unique<Edited>();
+  e = make({"", kDiffuse, kTurn});
+  e->hit.shading = make_frame({0, 0, 1});
+  e->hit.ng = {0, 0, 1};
+  e->hit.p = {0, 0, 0};
+  const auto list =
+      edits::parse_edits(R"({"regions": {"cone": {"sphere": [1, 0, 1, 0.3]}}, "edits": [)" + c.edits + "]}");
+  ASSERT_TRUE(list.ok()) << list.error().to_string();
+  e->scene.edits[0].map = direction_map(list->edits[0]);
+  e->scene.edits[0].cone = cone_of(*list, list->edits[0]);
+  const Vec3 light = e->hit.shading.to_local(normalize(Vec3{0.1f, 0.2f, 1}));
+  const At at(*e, light);
+  const auto times = [&](Vec3 world) {
+    const Vec3 o = e->hit.shading.to_local(normalize(world));
+    float pdf = 0;
+    return at.edited.eval_pdf(light, o, kImportance, pdf).r / at.plain.eval_pdf(light, o, kImportance, pdf).r;
+  };
+  EXPECT_NEAR(times({0, 1, 1}), 2, 1e-4);   // of the target
+  EXPECT_EQ(times({1, 0, 1}), 0);           // of the source
+  EXPECT_NEAR(times({-1, 0, 1}), 1, 1e-6);  // of neither
+  // A wider cone: the source and its image overlap between them.
+  e->scene.edits[0].cone.radius = 1.2;
+  EXPECT_NEAR(times({1, 1, 1.4f}), 1, 1e-4);
+}
+
+// ---- delta lobes ----
+
+struct DeltaOutcome {
+  BsdfSample s;
+  double share = 0;  // of numbers u_lobe that bring it
+};
+// What sample() may do, by trying u_lobe throughout.
+std::vector<DeltaOutcome> outcomes(const Closure& closure, Vec3 wo, TransportMode mode) {
+  constexpr int kTries = 360;
+  std::vector<DeltaOutcome> found;
+  for (int i = 0; i < kTries; ++i) {
+    BsdfSample s;
+    if (!closure.sample(wo, (static_cast<float>(i) + 0.5f) / kTries, {0.5f, 0.5f}, mode, s) || !s.delta)
+      continue;
+    bool known = false;
+    for (DeltaOutcome& o : found)
+      if (dot(o.s.wi, s.wi) > 1 - 1e-6f && std::abs(o.s.prob - s.prob) < 1e-5f) {
+        o.share += 1.0 / kTries;
+        known = true;
+        break;
+      }
+    if (!known) found.push_back({s, 1.0 / kTries});
+  }
+  return found;
+}
+
+// Claim: at mirrors and glass a walk from the light and the walk back carry the same light, by the change of
+// solid angle that differences show; probabilities are what numbers bring, and the probability that one walk
+// tells of the other is the other's own.
+TEST(EditedDeltaLobes, AreTheSameFromBothSides) {
+  for (const std::string& bsdf :
+       {std::string("<bsdf type='conductor'/>"), std::string("<bsdf type='dielectric'/>")})
+    for (const std::string& edits :
+         {kTurn, kMove, kHighlight, kHighlight + "," + kSecond, kGather, kGather + "," + kMove})
+      for (const bool bumpy : {false, true}) {
+        const auto e = make({"", bsdf, edits, bumpy});
+        rng::Stream stream(rng::key(5));
+        int compared = 0;
+        for (int i = 0; i < 24; ++i) {
+          Vec3 from = test::uniform_direction(stream);
+          if (bsdf.find("dielectric") == std::string::npos) from.z = std::abs(from.z);
+          const At light(*e, from);
+          for (const DeltaOutcome& there : outcomes(light.edited, from, kImportance)) {
+            const Vec3 to = there.s.wi;
+            EXPECT_NEAR(there.share, static_cast<double>(there.s.prob), 0.009);
+            // The same outcome of directions beside `from`: how it stretches the solid angle.
+            const Frame around = make_frame(from);
+            const float h = 4e-3f;
+            const auto sent_from = [&](Vec3 v, Vec3& out) {
+              const At near(*e, v);
+              for (const DeltaOutcome& o : outcomes(near.edited, v, kImportance))
+                if (dot(o.s.wi, to) > 1 - 1e-3f && std::abs(o.s.eta - there.s.eta) < 1e-3f) {
+                  out = o.s.wi;
+                  return true;
+                }
+              return false;
+            };
+            Vec3 a, b, p, q;
+            if (!sent_from(normalize(from + around.s * h), a) ||
+                !sent_from(normalize(from - around.s * h), b) ||
+                !sent_from(normalize(from + around.t * h), p) ||
+                !sent_from(normalize(from - around.t * h), q))
+              continue;
+            const double stretched =
+                static_cast<double>(length(cross((a - b) * (1 / (2 * h)), (p - q) * (1 / (2 * h)))));
+            const At eye(*e, to);
+            const DeltaOutcome* back = nullptr;
+            const auto all = outcomes(eye.edited, to, kRadiance);
+            for (const DeltaOutcome& o : all)
+              if (dot(o.s.wi, from) > 1 - 1e-5f) back = &o;
+            if (stretched > 20 || stretched < 0.05) continue;
+            if (back == nullptr) continue;  // at the rim of a cone, or lost to rounding
+            ++compared;
+            const double cos_from = light.geometric(from), cos_to = light.geometric(to);
+            const double eta2 = static_cast<double>(there.s.eta) * static_cast<double>(there.s.eta);
+            const double forward = static_cast<double>(there.s.weight.g * there.s.prob) *
+                                   static_cast<double>(light.correction(from, to)),
+                         backward = static_cast<double>(back->s.weight.g * back->s.prob);
+            // f |o.g| |i.g|, seen from both.
+            const double seen_from_light = forward * cos_from, seen_from_eye = backward * cos_to * stretched;
+            EXPECT_NEAR(seen_from_eye / seen_from_light, 1, 0.03) << bsdf << edits << bumpy;
+            // Densities: what Walk::scatter makes of them.
+            const double told = static_cast<double>(there.s.prob_reverse) / eta2 * cos_from / cos_to,
+                         told_back = static_cast<double>(back->s.prob_reverse) * eta2 * cos_to / cos_from;
+            EXPECT_NEAR(told * told_back / static_cast<double>(there.s.prob * back->s.prob), 1, 1e-3)
+                << bsdf << edits << bumpy;
+            if (!bumpy) {
+              EXPECT_NEAR(told / (static_cast<double>(back->s.prob) * stretched), 1, 0.03) << bsdf << edits;
+            }
+          }
+        }
+        EXPECT_GT(compared, 5) << bsdf << edits << bumpy;
+      }
+}
+
+}  // namespace
+}  // namespace candela::scene

@@ -1,0 +1,232 @@
+// Renderers of jobs with edits: what is refused, what stays to the last bit, and that nothing breaks.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <sstream>
+
+#include "common/edits/edits.h"
+#include "tests/paths.h"
+#include "tests/unit/renderer_fixture.h"
+#include "worker/scene/edits/edit_request.h"
+
+namespace candela::render {
+namespace {
+
+const std::string kBox = R"(<integrator type="path"><integer name="max_depth" value="5"/></integrator>
+  <sensor type="perspective"><transform name="to_world"><lookat origin="0, 0, 3" target="0, 0, 0" up="0, 1, 0"/></transform></sensor>
+  <shape type="cube" id="walls"><transform name="to_world"><scale value="4"/></transform>
+    <bsdf type="twosided"><bsdf type="roughplastic"><float name="alpha" value="0.2"/></bsdf></bsdf></shape>
+  <shape type="sphere" id="ball"><point name="center" x="0.5" y="0" z="0"/><float name="radius" value="0.6"/><bsdf type="dielectric"/></shape>
+  <shape type="sphere" id="other"><point name="center" x="-1.5" y="0" z="0"/><float name="radius" value="0.6"/><bsdf type="plastic"/></shape>
+  <emitter type="point" id="bulb"><point name="position" x="0" y="2" z="1"/></emitter>)";
+
+test::TextFiles files_of(const std::string& body) {
+  return test::TextFiles({{"scene.xml", "<scene version=\"3.0.0\">" + body + "</scene>"}});
+}
+JobSettings job_of(const std::string& integrator, const std::string& edits) {
+  JobSettings job;
+  job.integrator = integrator;
+  job.width = 8;
+  job.height = 6;
+  job.edits = edits;
+  return job;
+}
+std::string one(const std::string& members) {
+  return R"({"regions": {"r": {"sphere": [0.2, -3, 0, 2]}}, "edits": [{"name": "a", )" + members + "}]}";
+}
+
+std::string error_of(const std::string& body, const std::string& integrator, const std::string& edits,
+                     const SettingsMap& chosen = {{"max_depth", "5"}}) {
+  const test::TextFiles files = files_of(body);
+  try {
+    static_cast<void>(test::make_renderer(files, job_of(integrator, edits), chosen));
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "none";
+}
+
+std::vector<std::int64_t> film_of(const std::string& integrator, const std::string& edits) {
+  const test::TextFiles files = files_of(kBox);
+  const auto renderer = test::make_renderer(files, job_of(integrator, edits), {{"max_depth", "5"}});
+  const auto film = test::render_film(*renderer, 2);
+  return {film->sums(), film->sums() + 8 * 6 * 3};
+}
+
+// Claim: a job whose edits change nothing has the bits of one without edits; one whose edit acts has others.
+TEST(EditRenderers, KeepBitsOfWhatChangesNothing) {
+  for (const char* integrator : {"path", "bdpt", "vcm"}) {
+    const auto plain = film_of(integrator, "");
+    const std::string selects = R"("direction": "light", "select": "LX*X", )";
+    EXPECT_EQ(film_of(integrator, one(selects + R"("move": {"from": [1, 1, 1], "to": [1, 1, 1]})")), plain);
+    EXPECT_EQ(film_of(integrator, one(selects + R"("scale": 1)")), plain);
+    EXPECT_NE(film_of(integrator, one(selects + R"("scale": 0.5)")), plain);
+    EXPECT_NE(film_of(integrator, one(selects + R"("rotate": {"axis": [0, 1, 0], "degrees": 30})")), plain);
+  }
+}
+
+// Claim: each refusal is an error that names the edit, the surface or the integrator.
+TEST(EditRenderers, RefuseByName) {
+  const std::string acts = R"(, "rotate": {"axis": [0, 1, 0], "degrees": 30})";
+  const auto light = [&](const std::string& select) {
+    return one(R"("direction": "light", "select": ")" + select + '"' + acts);
+  };
+  EXPECT_EQ(error_of(kBox, "path", light("LX*X")), "none");
+  const std::string veil =
+      R"(<shape type="rectangle" id="veil"><bsdf type="mask"><float name="opacity" value="0.5"/><bsdf type="diffuse"/></bsdf></shape>)";
+  EXPECT_NE(error_of(kBox + veil, "path", light("LX*X")).find("'veil', which lets light pass straight"),
+            std::string::npos);
+  EXPECT_EQ(error_of(kBox + veil, "path", light("LX*X{ball}")), "none");
+  const std::string border = R"(<shape type="sphere"><bsdf type="null"/></shape>)";
+  EXPECT_EQ(error_of(kBox + border, "path", light("LX*X")), "none") << "a null surface is no vertex";
+  EXPECT_NE(error_of(kBox, "path", light("LX*S{bull}")).find("edit 'a', column 4"), std::string::npos);
+  EXPECT_NE(error_of(kBox, "path", light("LDS")).find("more of the path"), std::string::npos);
+  for (const char* integrator : {"upbp", "optimis", "appm", "cppm", "fppm", "vcmplus"})
+    EXPECT_NE(error_of(kBox, integrator, light("LX*X"), {}).find(integrator), std::string::npos);
+  std::string many = R"({"edits": [)";
+  for (int i = 0; i < 5; ++i)
+    many += std::string(i > 0 ? "," : "") + R"({"name": "n)" + std::to_string(i) +
+            R"(", "direction": "light", "select": "LX*X")" + acts + "}";
+  EXPECT_NE(error_of(kBox, "path", many + "]}").find("more than 4 edits"), std::string::npos);
+}
+
+// Claim: the plan says what each edit selects.
+TEST(EditRenderers, PlanTheirEdits) {
+  const test::TextFiles files = files_of(kBox);
+  const auto renderer = test::make_renderer(
+      files,
+      job_of(
+          "bdpt",
+          one(R"("direction": "light", "select": "LX*S{ball}", "source": "r", "move": {"to": [1, -3, 0]})")),
+      {});
+  const auto plan = renderer->plan_text();
+  ASSERT_TRUE(plan.ok());
+  EXPECT_NE(plan->find("edit 'a': light after LX*S{ball}, 1 of 3 shapes, towards r, moved"),
+            std::string::npos)
+      << *plan;
+}
+
+// Claim: an edit acts at the same place of the file wherever the scene is: a scene far from the origin, whose
+// vertices are moved, has the image of the same scene at the origin.
+TEST(EditRenderers, ActFarFromTheOrigin) {
+  const auto mean_of = [&](double far) {
+    const auto at = [&](double x) { return std::to_string(x + far); };
+    const test::TextFiles files = files_of(
+        R"(<integrator type="path"><integer name="max_depth" value="3"/></integrator>
+        <sensor type="perspective"><transform name="to_world"><lookat origin=")" +
+        at(0) + R"(, 3, 3" target=")" + at(0) +
+        R"(, 0, 0" up="0, 1, 0"/></transform></sensor>
+        <shape type="rectangle" id="floor"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="3"/><translate x=")" +
+        at(0) + R"("/></transform></shape>
+        <shape type="rectangle" id="panel"><transform name="to_world"><translate z="-1" y="1" x=")" +
+        at(0) + R"("/></transform></shape>
+        <emitter type="point"><point name="position" x=")" +
+        at(1) + R"(" y="2" z="1"/><rgb name="intensity" value="10"/></emitter>)");
+    const std::string edits = R"({"regions": {"r": {"sphere": [)" + at(0.3) +
+                              R"(, 0, 0, 1]}}, "edits": [{"name": "a",
+        "direction": "light", "select": "LX*X{panel}", "source": "r", "move": {"to": [)" +
+                              at(-0.8) + R"(, 0, 0.5], "normal": [0, 1, 0]}}]})";
+    const auto renderer = test::make_renderer(files, job_of("path", edits), {{"max_depth", "3"}});
+    const auto film = test::render_film(*renderer, 64);
+    std::vector<double> rows(6);
+    for (std::size_t i = 0; i < 8 * 6 * 3; ++i)
+      rows[i / 24] += std::ldexp(static_cast<double>(film->sums()[i]), -test::kFilmScaleLog2) / (24 * 64);
+    return rows;
+  };
+  const auto near = mean_of(0), far = mean_of(1048576);
+  for (std::size_t row = 0; row < near.size(); ++row)
+    EXPECT_NEAR(far[row], near[row], 0.02 * near[row] + 1e-4) << row;
+}
+
+// Claim: the edits of docs/edits.md are read, and select surfaces of their scenes.
+TEST(EditRenderers, HaveTheExamples) {
+  for (const auto& [scene, edits] : {std::pair<std::string, std::string>{"studio", "edits/caustic.json"},
+                                     {"studio", "edits/reflection.json"},
+                                     {"studio", "edits/bounce.json"},
+                                     {"studio", "edits/turned.json"},
+                                     {"studio", "edits/bleeding.json"},
+                                     {"window", "edits.json"}}) {
+    const auto folder = test::source_path("deploy/scenes") / scene;
+    const auto text_of = [](const std::filesystem::path& path) {
+      std::ifstream file(path);
+      std::stringstream text;
+      text << file.rdbuf();
+      return text.str();
+    };
+    std::map<std::string, std::string> contents{{"scene.xml", text_of(folder / "scene.xml")}};
+    if (scene == "studio") contents["knot.obj"] = text_of(folder / "knot.obj");
+    const test::TextFiles files(contents);
+    const auto renderer =
+        test::make_renderer(files, job_of("bdpt", text_of(folder / edits)), {{"max_depth", "6"}});
+    const auto plan = renderer->plan_text();
+    ASSERT_TRUE(plan.ok());
+    EXPECT_NE(plan->find("edit '"), std::string::npos) << edits;
+    EXPECT_EQ(plan->find(" 0 of "), std::string::npos) << edits << "\n" << *plan;
+    const std::string doc = text_of(test::source_path("docs/edits.md"));
+    EXPECT_NE(doc.find(edits), std::string::npos);
+  }
+}
+
+// Claim: random edits are refused with a message, or rendered without a sample that is not finite.
+TEST(EditRenderers, SurviveRandomEdits) {
+  rng::Stream stream(rng::key(77));
+  const auto number = [&](double low, double high) {
+    return fmt::format("{}", low + (high - low) * stream.next_double());
+  };
+  const auto point = [&](double size) {
+    return '[' + number(-size, size) + ", " + number(-size, size) + ", " + number(-size, size) + ']';
+  };
+  const auto any = [&](std::initializer_list<const char*> of) {
+    return std::string(of.begin()[stream.next_u32() % of.size()]);
+  };
+  const test::TextFiles files = files_of(kBox);
+  int rendered = 0, refused = 0;
+  for (int i = 0; i < 120; ++i) {
+    std::string list;
+    for (std::uint32_t n = 1 + stream.next_u32() % 3, k = 0; k < n; ++k) {
+      const bool light = stream.next_u32() % 2 == 0;
+      const std::string token =
+          any({"X", "S", "D", "G", "[DG]", "SR", "ST", "X{ball}", "X{walls}", "S{other}", "X@r ", "V", "DX"});
+      list += std::string(k > 0 ? "," : "") + R"({"name": "n)" + std::to_string(k) + R"(", "direction": ")" +
+              (light ? "light" : "eye") + R"(", "select": ")" + (light ? "LX*" + token : token + "X*E") + '"';
+      if (stream.next_u32() % 2 == 0) list += R"(, "source": ")" + any({"r", "s"}) + '"';
+      switch (stream.next_u32() % 4) {
+        case 0:
+          list += R"(, "rotate": {"axis": )" + point(1) + R"(, "degrees": )" + number(-360, 360) + '}';
+          break;
+        case 1:
+          list += R"(, "move": {"from": )" + point(5) + R"(, "to": )" + point(5) + '}';
+          break;
+        case 2:
+          list += R"(, "move": {"from": )" + point(5) + R"(, "to": )" + point(5) + R"(, "normal": )" +
+                  point(1) + R"(, "stretch": )" + point(stream.next_u32() % 4 == 0 ? 1000 : 2) + '}';
+          break;
+        default:
+          list += R"(, "scale": )" + number(-0.1, 2);
+      }
+      list += '}';
+    }
+    const std::string text = R"({"regions": {"r": {"sphere": [0, -3, 0, )" + number(0.01, 4) +
+                             R"(]}, "s": {"box": [-4, -4, -4, 0, 0, )" + number(-3, 4) +
+                             R"(]}}, "edits": [)" + list + "]}";
+    const std::string integrator = any({"path", "light", "bdpt", "vcm", "bpm", "ppm"});
+    std::unique_ptr<Renderer> renderer;
+    try {
+      renderer = test::make_renderer(files, job_of(integrator, text), {{"max_depth", "6"}});
+    } catch (const std::runtime_error& error) {
+      EXPECT_GT(std::string(error.what()).size(), 10u);
+      ++refused;
+      continue;
+    }
+    const auto film = test::render_film(*renderer, 1);
+    const film::Tallies tallies = film->tallies();
+    for (const std::uint64_t count : tallies.rejected) EXPECT_EQ(count, 0u) << integrator << text;
+    ++rendered;
+  }
+  EXPECT_GT(rendered, 40);
+  EXPECT_GT(refused, 20);
+}
+
+}  // namespace
+}  // namespace candela::render

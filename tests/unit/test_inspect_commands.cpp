@@ -1,0 +1,258 @@
+// Tests of `candela inspect paths` and `candela inspect sphere` as commands: their files, and their errors.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <sstream>
+
+#include "client/embedded/app.h"
+#include "common/base/files.h"
+#include "common/image/image.h"
+#include "tests/unit/client_outcome.h"
+
+namespace candela::client {
+namespace {
+
+using nlohmann::json;
+
+constexpr const char* kFloor =
+    R"(<shape type="rectangle" id="floor"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="4"/></transform>
+      <bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf></shape>)";
+constexpr const char* kSensor =
+    R"(<sensor type="perspective"><float name="fov" value="40"/><transform name="to_world">
+      <lookat origin="0, 3, 6" target="0, 0, 0" up="0, 1, 0"/></transform>
+      <film type="hdrfilm"><integer name="width" value="24"/><integer name="height" value="16"/></film></sensor>)";
+constexpr const char* kSky =
+    R"(<emitter type="constant" id="sky"><rgb name="radiance" value="0.5, 1, 2"/></emitter>)";
+
+class InspectScene : public CommandTest {
+ protected:
+  std::string in_folder(const std::string& name) const { return (folder_.path() / name).string(); }
+  std::string scene(const std::string& body, const std::string& name = "scene.xml") const {
+    std::ofstream(in_folder(name)) << "<scene version=\"3.0.0\">" << body << "</scene>";
+    return in_folder(name);
+  }
+  static Outcome run(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {"candela", "inspect"});
+    std::ostringstream out, err;
+    const int code = run_program(arguments, out, err);
+    return {code, out.str(), err.str()};
+  }
+  static std::string bytes(const std::string& file) {
+    const auto read = read_file(file, 1u << 30);
+    EXPECT_TRUE(read.ok());
+    return read.ok() ? *read : std::string();
+  }
+};
+
+// Claim: JSON, PLY and overlay are written, are the same whatever the threads, and agree with each other.
+TEST_F(InspectScene, WritesPaths) {
+  const std::string file = scene(std::string(kSensor) + kFloor + kSky);
+  const auto with_threads = [&](const std::string& threads) {
+    return run({"paths", file, "--pixels", "4,6,19,12", "--spp", "16", "--keep", "12", "--set", "max_depth=4",
+                "-o", in_folder(threads + ".json"), "--ply", in_folder(threads + ".ply"), "--overlay",
+                in_folder(threads + ".png"), "--threads", threads});
+  };
+  const Outcome one = with_threads("1");
+  ASSERT_EQ(one.code, 0) << one.err;
+  EXPECT_NE(one.out.find("L DR E"), std::string::npos) << one.out;
+  EXPECT_NE(one.out.find("sky > floor"), std::string::npos) << one.out;
+  const Outcome three = with_threads("3");
+  EXPECT_EQ(three.out, one.out);
+  for (const char* ending : {".json", ".ply", ".png"})
+    EXPECT_TRUE(bytes(in_folder(std::string("1") + ending)) == bytes(in_folder(std::string("3") + ending)))
+        << ending;
+
+  const json report = json::parse(bytes(in_folder("1.json")));
+  double sum = report["other"]["share"];
+  std::size_t paths = 0, edges = 0;
+  for (const json& cluster : report["clusters"]) {
+    sum += cluster["share"].get<double>();
+    paths += cluster["key_paths"].size();
+    edges += cluster["mean_path"].size() - 1;
+    for (const json& path : cluster["key_paths"]) {
+      edges += path["vertices"].size() - 1;
+      EXPECT_EQ(path["vertices"].front()["object"], "sky");
+      EXPECT_EQ(path["vertices"].back()["letter"], "E");
+      EXPECT_NEAR(path["vertices"].back()["position"][1].get<double>(), 3, 1e-4);
+    }
+  }
+  EXPECT_NEAR(sum, 1, 1e-9);
+  EXPECT_GE(paths, 8u);
+  // An arrow has a tube and a cone, each of 12 points and 12 faces.
+  const std::string ply = bytes(in_folder("1.ply"));
+  if (paths <= 12) {
+    EXPECT_NE(ply.find("element face " + std::to_string(24 * edges) + "\n"), std::string::npos)
+        << ply.substr(0, 300);
+  }
+  // The sky is drawn over the picture in the first group's color, blue.
+  const auto picture = image::read_image(in_folder("1.png"));
+  ASSERT_TRUE(picture.ok());
+  EXPECT_EQ(picture->width, 480u);
+  std::size_t blue = 0;
+  for (std::size_t i = 0; i < std::size_t{3} * 480 * 320; i += 3)
+    blue += std::abs(image::linear_to_srgb(picture->rgb[i]) - 31 / 255.0f) < 0.02f &&
+            std::abs(image::linear_to_srgb(picture->rgb[i + 2]) - 180 / 255.0f) < 0.02f;
+  EXPECT_GT(blue, 200u);
+}
+
+// Claim: nothing arrives: that is said, and is no error.
+TEST_F(InspectScene, SaysThatNoLightArrives) {
+  const std::string file = scene(std::string(kSensor) + kFloor + kSky);
+  const Outcome none = run({"paths", file, "--pixels", "8,8,9,9", "--spp", "4", "--select", "L[DGSV]*SE"});
+  ASSERT_EQ(none.code, 0) << none.err;
+  EXPECT_NE(none.out.find("no light of this kind arrives"), std::string::npos) << none.out;
+}
+
+struct Map {
+  std::uint32_t width = 0, height = 0;
+  std::vector<float> rgb;
+  float green(std::uint32_t x, std::uint32_t y) const { return rgb[3 * (std::size_t{y} * width + x) + 1]; }
+};
+
+Map read_map(const std::string& file) {
+  const auto image = image::read_image(file);
+  EXPECT_TRUE(image.ok());
+  return image.ok() ? Map{image->width, image->height, image->rgb} : Map{};
+}
+
+// Claim: under a constant sky the map is the sky, to the bit, in every pixel, with any radius; the integral
+// of the radiance over directions is 4 pi times it.
+TEST_F(InspectScene, MapsAConstantSky) {
+  const std::string file = scene(std::string(kSensor) + kSky);
+  const Outcome done =
+      run({"sphere", file, "--at", "-1,2,3", "--radius", "0.5", "--map-size", "32x16", "--spp", "8", "-o",
+           in_folder("sky.exr"), "--png", in_folder("sky.png"), "--lobe", in_folder("sky.ply"), "--json"});
+  ASSERT_EQ(done.code, 0) << done.err;
+  const Map map = read_map(in_folder("sky.exr"));
+  ASSERT_EQ(map.rgb.size(), std::size_t{3} * 32 * 16);
+  for (std::size_t i = 0; i < map.rgb.size(); ++i)
+    ASSERT_EQ(map.rgb[i], (std::array{0.5f, 1.0f, 2.0f})[i % 3]) << i;
+  const json said = json::parse(done.out);
+  EXPECT_NEAR(said["fluence"][1].get<double>(), 4 * std::numbers::pi, 0.01);
+  EXPECT_EQ(said["at"], (json{-1.0, 2.0, 3.0}));
+  // A lobe of a constant is a sphere of the radius.
+  std::istringstream ply(bytes(in_folder("sky.ply")));
+  std::string line;
+  while (std::getline(ply, line) && line != "end_header") {
+  }
+  double x = 0, y = 0, z = 0;
+  ASSERT_TRUE(ply >> x >> y >> z);
+  EXPECT_NEAR(std::hypot(x + 1, y - 2, z - 3), 0.5, 1e-5);
+}
+
+// Claim: a lamp far away shows in the pixel of its direction and nowhere else: longitude from -z by +x, the
+// top row above; the same place in the scene's coordinates whatever the camera is.
+TEST_F(InspectScene, ShowsAFarLampWhereItIs) {
+  const auto lamp = [&](const std::string& center) {
+    return scene(std::string(kSensor) + R"(<shape type="sphere"><point name="center" )" + center +
+                 R"(/><float name="radius" value="2"/><emitter type="area"/></shape>)");
+  };
+  struct Case {
+    const char* center;
+    std::uint32_t x, y;  // of 16 x 8
+  };
+  // Directions to the middle of pixels: u = (x + 0.5) / 16, v = (y + 0.5) / 8.
+  for (const Case& at : {Case{R"(x="96.194" y="19.509" z="-19.134")", 3, 3},
+                         Case{R"(x="-10.839" y="98.079" z="16.221")", 9, 0},
+                         Case{R"(x="-81.549" y="-55.557" z="16.221")", 11, 5}}) {
+    const Outcome done = run({"sphere", lamp(at.center), "--at", "0,0,0", "--map-size", "16x8", "--spp",
+                              "256", "-o", in_folder("lamp.exr")});
+    ASSERT_EQ(done.code, 0) << done.err;
+    const Map map = read_map(in_folder("lamp.exr"));
+    for (std::uint32_t y = 0; y < map.height; ++y)
+      for (std::uint32_t x = 0; x < map.width; ++x)
+        EXPECT_EQ(map.green(x, y) > 0, x == at.x && y == at.y) << at.center << " at " << x << ',' << y;
+  }
+}
+
+// Claim: on a disc of the floor under a sky the irradiance is pi times its radiance, from above alone; around
+// the same place half of the directions see the floor, which sends half of the sky's light.
+TEST_F(InspectScene, MeasuresIrradianceOfADisc) {
+  const std::string file = scene(std::string(kSensor) + kFloor + kSky);
+  const std::vector<std::string> place = {
+      "sphere", file,    "--pixel", "12,8", "--radius",           "0.1", "--map-size", "32x16",
+      "--json", "--spp", "64",      "-o",   in_folder("disc.exr")};
+  std::vector<std::string> disc = place;
+  disc.emplace_back("--disc");
+  const Outcome on = run(disc);
+  ASSERT_EQ(on.code, 0) << on.err;
+  EXPECT_NEAR(json::parse(on.out)["irradiance"][1].get<double>(), std::numbers::pi, 0.02);
+  EXPECT_EQ(json::parse(on.out)["normal"][1].get<double>(), 1);
+  const Map above = read_map(in_folder("disc.exr"));
+  EXPECT_EQ(above.green(5, 7), 1.0f);
+  EXPECT_EQ(above.green(5, 8), 0.0f);
+
+  std::vector<std::string> selected = disc;
+  selected.insert(selected.end(), {"--select", "L{sky}[DGSV]+E"});
+  const Outcome none = run(selected);
+  ASSERT_EQ(none.code, 0) << none.err;
+  EXPECT_EQ(json::parse(none.out)["irradiance"][1].get<double>(), 0) << "the sky is seen directly alone";
+
+  // From above the floor, downwards.
+  const Outcome over = run({"sphere", file, "--at", "0,0.01,0", "--map-size", "32x16", "--spp", "64", "-o",
+                            in_folder("over.exr")});
+  ASSERT_EQ(over.code, 0) << over.err;
+  const Map around = read_map(in_folder("over.exr"));
+  EXPECT_EQ(around.green(5, 2), 1.0f);
+  EXPECT_NEAR(around.green(5, 13), 0.5f, 0.02f);
+}
+
+// Claim: each mistake has one line that names its option and says what is wrong; nothing is written.
+TEST_F(InspectScene, RefusesWhatCannotBe) {
+  const std::string file = scene(std::string(kSensor) + kFloor + kSky);
+  const std::string meter = scene(
+      R"(<shape type="rectangle"><sensor type="irradiancemeter"><film type="hdrfilm"><integer name="width" value="2"/><integer name="height" value="2"/></film></sensor></shape>)" +
+          std::string(kSky),
+      "meter.xml");
+  const std::string broken = scene("<shape type='sfere'/>", "broken.xml");
+  const std::string fog = scene(
+      std::string(kSensor) + kSky +
+          R"(<shape type="sphere"><float name="radius" value="0.5"/><bsdf type="null"/><medium name="interior" type="homogeneous"/></shape>)",
+      "fog.xml");
+  const std::string exr = in_folder("x.exr"), png = in_folder("x.png");
+  const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
+      {{"paths", file}, "--pixels"},
+      {{"paths", file, "--pixels", "3,3,1,1"}, "the rectangle is empty"},
+      {{"paths", file, "--pixels", "0,0,24,3"}, "pixel 24,3 is not on the film of 24x16"},
+      {{"paths", file, "--pixels", "0,0,1"}, "has 3 numbers, not 4"},
+      {{"paths", file, "--pixels", "0,0,1.5,2"}, "1.5 is no pixel"},
+      {{"paths", file, "--pixels", "0,0,-1,2"}, "--pixels"},
+      {{"paths", file, "--region", "ball:1"}, "--region"},
+      {{"paths", file, "--region", "box:0,0,0,1,1,1", "--region", "sphere:0,0,0,1"},
+       "two regions have no name"},
+      {{"paths", file, "--pixels", "0,0,1,1", "--select", "L[DE"}, "--select"},
+      {{"paths", file, "--pixels", "0,0,1,1", "--select", "LX{flor}E"}, "flor"},
+      {{"paths", file, "--pixels", "0,0,1,1", "--select", "LX@there E"}, "there"},
+      {{"paths", file, "--pixels", "0,0,1,1", "--by", "shape"}, "--by"},
+      {{"paths", file, "--pixels", "0,0,1,1", "--overlay", "x.jpg"}, "--overlay"},
+      {{"paths", file, "--pixels", "0,0,1,1", "-o", in_folder("no/x.json")}, "there is no folder"},
+      {{"paths", meter, "--pixels", "0,0,1,1", "--overlay", png}, "irradiancemeter"},
+      {{"paths", broken, "--pixels", "0,0,1,1"}, "broken.xml"},
+      {{"paths", in_folder("none.xml"), "--pixels", "0,0,1,1"}, "none.xml"},
+      {{"sphere", file, "-o", exr}, "no place is given"},
+      {{"sphere", file, "--at", "0,1,0"}, "no output is given"},
+      {{"sphere", file, "--at", "0,1,0", "--pixel", "1,1", "-o", exr}, "exclude each other"},
+      {{"sphere", file, "--at", "0,1", "-o", exr}, "has 2 numbers, not 3"},
+      {{"sphere", file, "--at", "0,1,nan", "-o", exr}, "--at"},
+      {{"sphere", file, "--at", "0,1,0", "--disc", "-o", exr}, "--disc"},
+      {{"sphere", file, "--at", "0,1,0", "--radius", "-1", "-o", exr}, "--radius"},
+      {{"sphere", file, "--pixel", "24,1", "-o", exr}, "is not on the film"},
+      {{"sphere", file, "--pixel", "0,0", "-o", exr}, "sees no surface"},
+      {{"sphere", meter, "--pixel", "0,0", "-o", exr}, "irradiancemeter"},
+      {{"sphere", fog, "--at", "0,0,0", "-o", exr}, "another medium"},
+  };
+  for (const auto& [arguments, expected] : cases) {
+    const Outcome done = run(arguments);
+    EXPECT_EQ(done.code, 2) << expected << '\n' << done.out << done.err;
+    EXPECT_NE(done.err.find(expected), std::string::npos) << expected << '\n' << done.err;
+    EXPECT_EQ(std::count(done.err.begin(), done.err.end(), '\n'), 1) << done.err;
+  }
+  EXPECT_FALSE(std::filesystem::exists(exr));
+  EXPECT_FALSE(std::filesystem::exists(png));
+}
+
+}  // namespace
+}  // namespace candela::client

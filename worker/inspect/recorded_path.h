@@ -1,0 +1,29 @@
+// Paths with all that is known of their vertices: enriched vertices [Kaplanyan 2017, 9.1.1.1].
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "common/letters/alphabet.h"
+#include "common/letters/letter.h"
+#include "worker/core/vec.h"
+
+namespace candela::inspect {
+
+struct PathVertex {
+  // By color channel: a vertex with a diffuse and a glossy lobe has letters that differ, and light of several
+  // environments comes from different ones.
+  std::array<letters::Letter, 3> letter{};
+  std::array<std::uint32_t, 3> object = {letters::kNoObject, letters::kNoObject, letters::kNoObject};
+  letters::Side side = letters::Side::none;
+  bool infinite = false;  // light from outside: p stands in its direction, beyond the scene
+  Vec3 p;                 // of the scene
+  // Of the subpath that found it, from that one's own end: the lamp or the eye.
+  Spectrum throughput;
+};
+
+// From the light to the eye.
+using RecordedPath = std::vector<PathVertex>;
+
+}  // namespace candela::inspect

@@ -1,0 +1,124 @@
+// Edits of light transport: the surfaces that they select, and their bsdfs.
+#include <fmt/format.h>
+
+#include <bit>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "common/base/text.h"
+#include "common/edits/selection.h"
+#include "common/letters/expression.h"
+#include "worker/scene/scene_builder.h"
+
+namespace candela::scene {
+namespace {
+
+using letters::Letter;
+using letters::Side;
+
+SurfaceEdits::Treatments treatments_of(const SceneEdits& edits,
+                                       const std::vector<edits::Selection>& selections, std::uint32_t object,
+                                       std::uint32_t regions) {
+  constexpr std::array<Letter, 3> letter_of_lobe = {Letter::diffuse, Letter::glossy, Letter::specular};
+  SurfaceEdits::Treatments treatments;
+  for (std::size_t k = 0; k < selections.size(); ++k)
+    for (std::size_t lobe = 0; lobe < letter_of_lobe.size(); ++lobe)
+      for (const Side side : {Side::reflected, Side::transmitted}) {
+        if (!selections[k].selects(letter_of_lobe[lobe], side, object, regions)) continue;
+        SurfaceEdits::Treatment& t = treatments[lobe][side == Side::transmitted];
+        (edits.edits[k].of_light ? t.of_light : t.of_eye) |= static_cast<std::uint16_t>(1u << k);
+      }
+  return treatments;
+}
+
+// All edits that take part in any of them.
+SurfaceEdits::Treatment all_of(const std::vector<SurfaceEdits::Treatments>& by_regions) {
+  SurfaceEdits::Treatment all;
+  for (const SurfaceEdits::Treatments& treatments : by_regions)
+    for (const auto& lobe : treatments)
+      for (const SurfaceEdits::Treatment& t : lobe) {
+        all.of_light |= t.of_light;
+        all.of_eye |= t.of_eye;
+      }
+  return all;
+}
+
+std::string named(const std::vector<std::string>& names) {
+  return names.empty() ? std::string("without a name") : quote(names.front());
+}
+
+std::string note_of(const edits::Edit& edit, std::size_t selected, std::size_t shapes) {
+  std::string text =
+      fmt::format("edit '{}': {} {}, {} of {} shapes", edit.name,
+                  edit.direction == edits::Edit::Direction::light ? "light after" : "gathered at",
+                  edit.select, selected, shapes);
+  if (!edit.source.empty()) text += fmt::format(", towards {}", edit.source);
+  if (edit.rotate) text += fmt::format(", turned by {} degrees", edit.rotate->degrees);
+  if (edit.move) text += ", moved";
+  if (edit.factor != edits::Triple{1, 1, 1})
+    text += fmt::format(", times {}, {}, {}", edit.factor[0], edit.factor[1], edit.factor[2]);
+  return text;
+}
+
+}  // namespace
+
+Result<void> SceneBuilder::edit(const EditRequest& request) {
+  const edits::EditList& list = request.list;
+  std::vector<letters::ObjectNames> names = objects_.names;
+  std::vector<std::uint8_t> uses = objects_.uses;
+  names.insert(names.end(), request.names.begin(), request.names.end());
+  uses.insert(uses.end(), request.uses.begin(), request.uses.end());
+  std::vector<edits::Selection> selections;
+  bool by_place = false;
+  for (const edits::Edit& edit : list.edits) {
+    CANDELA_ASSIGN(edits::Selection selection, edits::Selection::compile(list, edit, names, uses));
+    selections.push_back(std::move(selection));
+    edits_.edits.push_back({.of_light = edit.direction == edits::Edit::Direction::light,
+                            .map = direction_map(edit),
+                            .cone = cone_of(list, edit),
+                            .factor = {static_cast<float>(edit.factor[0]), static_cast<float>(edit.factor[1]),
+                                       static_cast<float>(edit.factor[2])}});
+    CANDELA_ASSIGN(const letters::Node tree, letters::parse_expression(edit.select));
+    letters::for_each_token(tree, [&](const letters::Token& token) { by_place |= !token.region.empty(); });
+  }
+  for (const letters::Region& region : list.regions) edits_.regions.push_back(cone_of(region));
+  edits_.glossy_below = static_cast<float>(list.glossy_below);
+
+  const std::uint32_t places = by_place ? 1u << list.regions.size() : 1;
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> made;  // by bsdf and object
+  std::vector<std::size_t> selected(list.edits.size());
+  for (std::uint32_t shape = 0; shape < geometry_.shapes.size(); ++shape) {
+    const std::uint32_t bsdf = geometry_.shapes[shape].bsdf, object = objects_.of_shape[shape];
+    const BsdfFacts facts = bsdfs_[bsdf].facts();
+    if (facts.black() || (!facts.smooth && !facts.delta)) continue;  // it is no vertex of a path
+    SurfaceEdits edits;
+    edits.scene = &edits_;
+    for (std::uint32_t place = 0; place < places; ++place)
+      edits.by_regions.push_back(treatments_of(edits_, selections, object, place));
+    const SurfaceEdits::Treatment all = all_of(edits.by_regions);
+    if (all == SurfaceEdits::Treatment{}) continue;
+    const std::string& first =
+        list.edits[std::countr_zero(static_cast<unsigned>(all.of_light | all.of_eye))].name;
+    if (facts.straight)
+      return input_error(fmt::format("edit '{}' selects the surface {}, which lets light pass straight on",
+                                     first, named(objects_.names[object])))
+          .with_mend("name the surfaces that it selects: X{wall}; masks and thin glass cannot be edited");
+    for (const std::uint16_t bits : {all.of_light, all.of_eye})
+      if (std::popcount(bits) > static_cast<int>(SurfaceEdits::kMost))
+        return input_error(fmt::format("more than {} edits of one direction select the surface {}",
+                                       SurfaceEdits::kMost, named(objects_.names[object])));
+    for (std::size_t k = 0; k < selected.size(); ++k) selected[k] += (all.of_light | all.of_eye) >> k & 1;
+    const auto [at, fresh] = made.try_emplace({bsdf, object}, static_cast<std::uint32_t>(bsdfs_.size()));
+    if (fresh) {
+      CANDELA_ASSIGN(Bsdf edited, Bsdf::with_edits(bsdfs_, bsdf, std::move(edits)));
+      bsdfs_.push_back(std::move(edited));
+    }
+    geometry_.shapes[shape].bsdf = at->second;
+  }
+  for (std::size_t k = 0; k < selected.size(); ++k)
+    features_.edits.push_back(note_of(list.edits[k], selected[k], geometry_.shapes.size()));
+  return {};
+}
+
+}  // namespace candela::scene
