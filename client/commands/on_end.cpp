@@ -45,8 +45,8 @@ std::string run(const std::string& command, const EndedJob& job) {
 
 void add_on_end(CLI::App& app, std::optional<std::string>& command, const std::string& when) {
   add_text(app, "--on-end", command,
-           when +
-               "run this by /bin/sh when the job or group has ended, after its image is written, with "
+           (when.empty() ? std::string("Run") : when + "run") +
+               " this by /bin/sh when the job or group has ended, after its image is written, with "
                "CANDELA_JOB_ID, CANDELA_JOB_NAME and CANDELA_JOB_STATE",
            "COMMAND");
 }

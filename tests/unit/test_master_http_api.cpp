@@ -1,19 +1,15 @@
 // The HTTP API against its description, docs/openapi.json: both have the same paths and methods, answers have
 // the fields and types that it says, and only who may gets one.
-#include <arpa/inet.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <regex>
 #include <set>
 
-#include "common/base/descriptor.h"
 #include "common/wire/json.h"
 #include "common/wire/token.h"
 #include "master/http/routes.h"
 #include "tests/paths.h"
+#include "tests/unit/http_call.h"
 #include "tests/unit/master_fixture.h"
 
 namespace candela::master {
@@ -144,7 +140,7 @@ class HttpApi : public MasterTest {
     if (method != "GET" && more.find("Content-Length") == std::string::npos)
       text += "Content-Length: " + std::to_string(body.size()) + "\r\n";
     text += "\r\n" + body;
-    const std::string all = raw(text);
+    const std::string all = test::http_call(master->http_port(), text);
     Answer out;
     const std::size_t head = all.find("\r\n\r\n");
     if (head == std::string::npos) return out;
@@ -152,30 +148,6 @@ class HttpApi : public MasterTest {
     const std::size_t type = all.find("Content-Type: ");
     out.type = all.substr(type + 14, all.find_first_of(";\r", type) - type - 14);
     out.body = all.substr(head + 4);
-    return out;
-  }
-  // What is answered until its end; of a stream the head and what begins it.
-  std::string raw(const std::string& text) {
-    const Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    address.sin_port = htons(static_cast<std::uint16_t>(master->http_port()));
-    EXPECT_EQ(::connect(socket.get(), reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
-    const timeval patience{30, 0};
-    ::setsockopt(socket.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
-    for (std::size_t sent = 0; sent < text.size();) {
-      const ssize_t n = ::send(socket.get(), text.data() + sent, text.size() - sent, MSG_NOSIGNAL);
-      if (n <= 0) break;  // it has answered before it had all
-      sent += static_cast<std::size_t>(n);
-    }
-    std::string out;
-    char buffer[65536];
-    ssize_t n = 0;
-    while ((n = ::recv(socket.get(), buffer, sizeof buffer, 0)) > 0) {
-      out.append(buffer, static_cast<std::size_t>(n));
-      if (out.find("text/event-stream") != std::string::npos && out.find("\n\n") != std::string::npos) break;
-    }
     return out;
   }
   // The answer is one that the description has, with the fields and types that it says.

@@ -97,7 +97,7 @@ class CurlPoster final : public Poster {
     const CURLcode result = curl_easy_perform(c);
     long code = 0;
     curl_easy_getinfo(c, CURLINFO_RESPONSE_CODE, &code);
-    if (result == CURLE_OK) return {static_cast<int>(code), {}};
+    if (result == CURLE_OK || bytes > kMaxAnswerBytes) return {static_cast<int>(code), {}};
     return {0, error[0] != '\0' ? std::string(error.data()) : std::string(curl_easy_strerror(result))};
   }
 
