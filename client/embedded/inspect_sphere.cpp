@@ -99,7 +99,12 @@ Result<Choice> choose(const SphereOptions& options) {
 
 Result<Probe> probe_of(const Choice& choice, const SphereOptions& options, const OpenedScene& opened) {
   const inspect::Session& session = *opened.session;
-  if (choice.at) return Probe{Vec3(*choice.at - session.scene().offset()), choice.radius};
+  if (choice.at) {
+    Probe probe;
+    probe.center = Vec3(*choice.at - session.scene().offset());
+    probe.radius = choice.radius;
+    return probe;
+  }
   CANDELA_TRY(check_projection(opened, "--pixel"));
   const auto [x, y] = *choice.pixel;
   const JobSettings& job = session.settings();

@@ -89,7 +89,12 @@ std::string expression_of(const StringGroup& group, bool from_light, const Sessi
     words.emplace_back(from_light ? "E" : "L");
   }
   if (!from_light) std::reverse(words.begin(), words.end());
-  return fmt::format("{}", fmt::join(words, " "));
+  std::string text;
+  for (const std::string& word : words) {
+    if (!text.empty()) text.append(" ");
+    text.append(word);
+  }
+  return text;
 }
 
 }  // namespace candela::inspect

@@ -148,7 +148,7 @@ TEST_F(InspectScene, MapsAConstantSky) {
 TEST_F(InspectScene, ShowsAFarLampWhereItIs) {
   const auto lamp = [&](const std::string& center) {
     return scene(std::string(kSensor) + R"(<shape type="sphere"><point name="center" )" + center +
-                 R"(/><float name="radius" value="2"/><emitter type="area"/></shape>)");
+                 R"(/><float name="radius" value="6"/><emitter type="area"/></shape>)");
   };
   struct Case {
     const char* center;
@@ -156,7 +156,7 @@ TEST_F(InspectScene, ShowsAFarLampWhereItIs) {
   };
   // Directions to the middle of pixels: u = (x + 0.5) / 16, v = (y + 0.5) / 8.
   for (const Case& at : {Case{R"(x="96.194" y="19.509" z="-19.134")", 3, 3},
-                         Case{R"(x="-10.839" y="98.079" z="16.221")", 9, 0},
+                         Case{R"(x="-46.194" y="55.557" z="69.134")", 9, 2},
                          Case{R"(x="-81.549" y="-55.557" z="16.221")", 11, 5}}) {
     const Outcome done = run({"sphere", lamp(at.center), "--at", "0,0,0", "--map-size", "16x8", "--spp",
                               "256", "-o", in_folder("lamp.exr")});
@@ -197,7 +197,7 @@ TEST_F(InspectScene, MeasuresIrradianceOfADisc) {
   ASSERT_EQ(over.code, 0) << over.err;
   const Map around = read_map(in_folder("over.exr"));
   EXPECT_EQ(around.green(5, 2), 1.0f);
-  EXPECT_NEAR(around.green(5, 13), 0.5f, 0.02f);
+  EXPECT_NEAR(around.green(5, 13), 0.5f, 0.08f);
 }
 
 // Claim: each mistake has one line that names its option and says what is wrong; nothing is written.
