@@ -12,7 +12,7 @@ struct WaitOptions {
   bool quiet = false;
   bool json = false;  // the last status on standard output
   bool error_layer = false;
-  ImageOutput output;  // fetched at the end, where given
+  ImageOutput output = {};  // fetched at the end, where given
   PreviewOptions preview = {};
   bool variance_layer = false;
   bool chain_layers = false;
