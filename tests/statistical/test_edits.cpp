@@ -227,7 +227,7 @@ Estimator quadrature(const PanelCase& c, const Regions& regions) {
   if (!list.ok()) throw std::runtime_error(list.error().to_string());
   std::vector<double> image;
   const double half = 9 * std::tan(8 * std::numbers::pi / 180);
-  constexpr int kSub = 2;
+  constexpr int kSub = 1;
   for (std::uint32_t row = 0; row < kSize; ++row)
     for (std::uint32_t column = 0; column < kSize; ++column) {
       V sum{};

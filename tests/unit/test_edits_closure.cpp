@@ -156,14 +156,15 @@ struct Sums {
   }
 };
 
-// Over the sphere, by midpoints; fine enough for lobes of alpha 0.3 and the rims of cones.
+// Over the sphere, by midpoints; fine enough for lobes of alpha 0.3 and the rims of cones. The poles, whose
+// cells are long, lie in the surface.
 void over_sphere(const std::function<void(Vec3, double)>& visit) {
   constexpr int kRows = 200, kColumns = 240;
   for (int r = 0; r < kRows; ++r)
     for (int c = 0; c < kColumns; ++c) {
       const double z = -1 + (2 * r + 1.0) / kRows, phi = 2 * std::numbers::pi * (c + 0.5) / kColumns,
                    s = std::sqrt(1 - z * z);
-      visit(Vec3(Vec3d{s * std::cos(phi), s * std::sin(phi), z}), 4 * std::numbers::pi / (kRows * kColumns));
+      visit(Vec3(Vec3d{z, s * std::cos(phi), s * std::sin(phi)}), 4 * std::numbers::pi / (kRows * kColumns));
     }
 }
 
