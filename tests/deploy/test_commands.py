@@ -187,7 +187,7 @@ class Commands(unittest.TestCase):
         # Tokens of this test's masters are not for the programs of who runs it.
         self.environment = dict(os.environ, PATH=self.path, XDG_STATE_HOME=str(self.scratch / "state"))
         self.environment.pop("CANDELA_MASTER", None)
-        subprocess.run("rm -rf /etc/candela/* /var/lib/candela /var/cache/candela tls", shell=True, check=True, cwd=self.folder)
+        subprocess.run("rm -rf /etc/candela/* /var/lib/candela /var/cache/candela tls; mkdir -p /etc/candela", shell=True, check=True, cwd=self.folder)
 
     def tearDown(self):
         self.stop()
