@@ -69,8 +69,8 @@ std::optional<HttpAnswer> answer_to(Farm& farm, LivePage& page, const HttpReques
     return error_answer(405, "only GET and HEAD");
   try {
     const RouteMatch match = find_route(request.method, request.path);
-    if (match.route != nullptr && match.route->action == Action::health) return health_of(farm);
-    if (match.route != nullptr && match.route->action == Action::metrics)
+    if (match.route != nullptr && match.route->action == HttpAction::health) return health_of(farm);
+    if (match.route != nullptr && match.route->action == HttpAction::metrics)
       return HttpAnswer{.type = "text/plain; version=0.0.4; charset=utf-8", .body = metrics_text(farm)};
     return page.answer(request, match, connection);
   } catch (const std::exception&) {  // out of memory, most of all

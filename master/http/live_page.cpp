@@ -117,7 +117,7 @@ std::optional<HttpAnswer> LivePage::answer(const HttpRequest& request, const Rou
   if (auto refused = refusal(request)) return refused;
   const std::string& path = request.path;
   if (path.starts_with("/api/")) {
-    if (match.route != nullptr && match.route->action == Action::login) return log_in(request);
+    if (match.route != nullptr && match.route->action == HttpAction::login) return log_in(request);
     if (request.method == "POST") return control(request, match, connection);
     if (!may_read(request))
       return error_answer(401,
@@ -201,64 +201,64 @@ std::optional<HttpAnswer> LivePage::answer_api(const HttpRequest& request, const
     return farm_.with_scheduler([&](Scheduler& s) { return s.job(id) != nullptr; });
   };
   const auto no_job = [] { return error_answer(404, "no such job"); };
-  const Action action = match.route->action;
+  const HttpAction action = match.route->action;
   switch (action) {
-    case Action::farm:
+    case HttpAction::farm:
       return json_answer(JsonObject()
                              .add("version", version())
                              .add("build_id", build_id())
                              .add("start", start_)
                              .flag("controls", !options_.token.empty())
                              .text());
-    case Action::stream:
+    case HttpAction::stream:
       return open_stream(request);
-    case Action::jobs:
+    case HttpAction::jobs:
       return later(connection, [this, query = request.query] { return list_jobs(query); });
-    case Action::workers:
+    case HttpAction::workers:
       return later(connection, [this] {
         std::vector<std::string> rows;
         for (const auto& [worker, row] : worker_rows()) rows.push_back(row);
         return json_answer("{\"workers\":" + json_array(rows) + "}");
       });
-    case Action::worker: {
+    case HttpAction::worker: {
       const auto status = farm_.worker(id);
       return status ? json_answer(wire::page_json(to_message(*status))) : error_answer(404, "no such worker");
     }
-    case Action::throughput:
+    case HttpAction::throughput:
       return later(connection, [this] { return json_answer(throughput_json()); });
-    case Action::groups:
+    case HttpAction::groups:
       return later(connection, [this] { return list_groups(); });
-    case Action::group: {
+    case HttpAction::group: {
       const auto status = farm_.group_status(id);
       return status ? json_answer(wire::page_json(to_message(*status))) : error_answer(404, "no such group");
     }
-    case Action::blob: {
+    case HttpAction::blob: {
       if (!is_sha256_hex(id)) return error_answer(400, "a blob is named by 64 lower-case hex digits");
       farm_.blobs().use(id);
       const auto size = farm_.blobs().size(id);
       return size ? json_answer(JsonObject().add("sha256", id).count("size_bytes", *size).text())
                   : error_answer(404, "no such blob");
     }
-    case Action::tile:
+    case HttpAction::tile:
       return tile(request, id);
-    case Action::pixel:
+    case HttpAction::pixel:
       return pixel(request, id);
-    case Action::name: {
+    case HttpAction::name: {
       const auto name = farm_.with_scheduler([&](Scheduler& s) -> std::optional<std::string> {
         const Job* job = s.job(id);
         return job == nullptr ? std::nullopt : std::optional(job->row.name);
       });
       return name ? json_answer(JsonObject().add("name", *name).text()) : no_job();
     }
-    case Action::thumbnail:
+    case HttpAction::thumbnail:
       return job_is_there() ? thumbnail(request, id, connection) : no_job();
-    case Action::exr:
-    case Action::png:
-      return job_is_there() ? download(request, id, action == Action::png, connection) : no_job();
-    case Action::details:
+    case HttpAction::exr:
+    case HttpAction::png:
+      return job_is_there() ? download(request, id, action == HttpAction::png, connection) : no_job();
+    case HttpAction::details:
       if (!job_is_there()) return no_job();
       return later(connection, [this, id] { return json_answer(details_of(id)); });
-    case Action::job:
+    case HttpAction::job:
       return later(connection, [this, id] {
         const auto status = farm_.full_status(id);
         return status ? json_answer(wire::page_json(to_message(*status))) : error_answer(404, "no such job");
@@ -348,19 +348,19 @@ std::optional<HttpAnswer> LivePage::control(const HttpRequest& request, const Ro
   if (match.route == nullptr) return no_route(match);
   const std::string& id = match.part;
   switch (match.route->action) {
-    case Action::check:
+    case HttpAction::check:
       return json_answer("{}");
-    case Action::submit:
+    case HttpAction::submit:
       return later(connection, [this, json = request.body] { return submit(json); });
-    case Action::drain: {
+    case HttpAction::drain: {
       if (!farm_.worker(id)) return error_answer(404, "no such worker");
       const auto drained = farm_.with_scheduler([&](Scheduler& s) { return s.drain(id, farm_.now()); });
       if (!drained.ok()) return error_answer(409, drained.error().to_string());
       return json_answer("{}");
     }
-    case Action::steer_job:
-    case Action::steer_group: {
-      const bool group = match.route->action == Action::steer_group;
+    case HttpAction::steer_job:
+    case HttpAction::steer_group: {
+      const bool group = match.route->action == HttpAction::steer_group;
       if (!farm_.with_scheduler(
               [&](Scheduler& s) { return group ? s.groups().contains(id) : s.job(id) != nullptr; }))
         return error_answer(404, group ? "no such group" : "no such job");

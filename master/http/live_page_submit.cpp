@@ -40,7 +40,7 @@ std::optional<HttpAnswer> BlobUpload::add(std::string_view data) {
 
 std::size_t LivePage::body_limit(const HttpRequest& head) const {
   const RouteMatch match = find_route(head.method, head.path);
-  if (match.route == nullptr || match.route->action != Action::submit) return 0;
+  if (match.route == nullptr || match.route->action != HttpAction::submit) return 0;
   return refusal(head) || may_not_change(head) ? 0 : kMaxSubmissionBytes;
 }
 

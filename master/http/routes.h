@@ -8,7 +8,7 @@
 
 namespace candela::master {
 
-enum class Action : std::uint8_t {
+enum class HttpAction : std::uint8_t {
   health,
   metrics,
   farm,
@@ -40,7 +40,7 @@ enum class Action : std::uint8_t {
 // `path` may have one {part}; `path` of steering ends in what is to be done.
 struct Route {
   std::string_view method, path;
-  Action action;
+  HttpAction action;
 };
 std::span<const Route> http_routes();
 
