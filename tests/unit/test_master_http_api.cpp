@@ -99,7 +99,7 @@ TEST(OpenApi, HasTheRoutesOfTheServer) {
 
 // Claim: a path finds its route for its method alone; a part is one step, not empty.
 TEST(Routes, AreFoundByMethodAndPath) {
-  EXPECT_EQ(find_route("HEAD", "/api/jobs/j1/image.exr").route->action, Action::exr);
+  EXPECT_EQ(find_route("HEAD", "/api/jobs/j1/image.exr").route->action, HttpAction::exr);
   EXPECT_EQ(find_route("GET", "/api/jobs/j1").part, "j1");
   EXPECT_EQ(find_route("POST", "/api/groups/g1/cancel").verb(), "cancel");
   EXPECT_EQ(find_route("POST", "/api/groups/g1/cancel").part, "g1");
