@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <string_view>
 
 #include "common/image/color_map.h"
 #include "common/image/image.h"
@@ -207,7 +208,7 @@ Canvas paths_overlay(const Session& session, const PathsReport& report, const in
     return std::max(1U, static_cast<std::uint32_t>(std::lround(extent * shrink)));
   };
   const std::uint32_t width = scaled(film_width), height = scaled(film_height);
-  const std::uint32_t times = std::max(1U, kSmallestPicture / std::max(width, height));
+  const std::uint32_t times = (kSmallestPicture + std::max(width, height) - 1) / std::max(width, height);
   constexpr double capital = 10, line = 18;
   const auto below = static_cast<std::uint32_t>(line * static_cast<double>(report.groups.size()) + 10);
   Canvas canvas = backdrop(inspect::preview(session, width, height, kPreviewSamples, threads), width, height,
@@ -225,8 +226,11 @@ Canvas paths_overlay(const Session& session, const PathsReport& report, const in
     const double base = height * times + 5 + line * static_cast<double>(g) + 12;
     const std::array<Point2, 2> swatch = {{{6, base - capital / 2}, {26, base - capital / 2}}};
     image::draw_line(canvas, swatch, 4, group_color(g));
-    const std::string text =
-        fmt::format("{:5.1f} %  {}", 100 * report.groups[g].share.value, report.groups[g].expression);
+    std::string expression = report.groups[g].expression;
+    constexpr std::string_view unsplit = "[DGSV]*";  // the font has no star
+    if (const std::size_t at = expression.find(unsplit); at != std::string::npos)
+      expression.replace(at, unsplit.size(), "..");
+    const std::string text = fmt::format("{:5.1f} %  {}", 100 * report.groups[g].share.value, expression);
     image::draw_text(canvas, 36, base, capital, {image::fit_text(text, capital, canvas.width - 42.0)},
                      {0, 0, 0});
   }

@@ -51,7 +51,7 @@ class InspectScene : public CommandTest {
 TEST_F(InspectScene, WritesPaths) {
   const std::string file = scene(std::string(kSensor) + kFloor + kSky);
   const auto with_threads = [&](const std::string& threads) {
-    return run({"paths", file, "--pixels", "4,6,19,12", "--spp", "16", "--keep", "12", "--set", "max_depth=4",
+    return run({"paths", file, "--pixels", "4,6,19,12", "--spp", "16", "--keep", "6", "--set", "max_depth=4",
                 "-o", in_folder(threads + ".json"), "--ply", in_folder(threads + ".ply"), "--overlay",
                 in_folder(threads + ".png"), "--threads", threads});
   };
@@ -80,13 +80,11 @@ TEST_F(InspectScene, WritesPaths) {
     }
   }
   EXPECT_NEAR(sum, 1, 1e-9);
-  EXPECT_GE(paths, 8u);
+  EXPECT_GE(paths, 6u);
   // An arrow has a tube and a cone, each of 12 points and 12 faces.
   const std::string ply = bytes(in_folder("1.ply"));
-  if (paths <= 12) {
-    EXPECT_NE(ply.find("element face " + std::to_string(24 * edges) + "\n"), std::string::npos)
-        << ply.substr(0, 300);
-  }
+  EXPECT_NE(ply.find("element face " + std::to_string(24 * edges) + "\n"), std::string::npos)
+      << ply.substr(0, 300);
   // The sky is drawn over the picture in the first group's color, blue.
   const auto picture = image::read_image(in_folder("1.png"));
   ASSERT_TRUE(picture.ok());
@@ -131,7 +129,7 @@ TEST_F(InspectScene, MapsAConstantSky) {
   for (std::size_t i = 0; i < map.rgb.size(); ++i)
     ASSERT_EQ(map.rgb[i], (std::array{0.5f, 1.0f, 2.0f})[i % 3]) << i;
   const json said = json::parse(done.out);
-  EXPECT_NEAR(said["fluence"][1].get<double>(), 4 * std::numbers::pi, 0.01);
+  EXPECT_NEAR(said["fluence"][1].get<double>(), 4 * std::numbers::pi, 0.06);
   EXPECT_EQ(said["at"], (json{-1.0, 2.0, 3.0}));
   // A lobe of a constant is a sphere of the radius.
   std::istringstream ply(bytes(in_folder("sky.ply")));
