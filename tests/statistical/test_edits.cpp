@@ -317,12 +317,14 @@ std::string panel_shape(const std::string& bsdf) {
 
 struct LobeCase {
   std::string name, shapes, edits;
+  double detectable = 0.12;  // of eye paths that meet the lamp by chance
 };
 const std::vector<LobeCase>& lobe_cases() {
   static const std::string mirror =
       panel_shape(R"(<bsdf type="conductor"><string name="material" value="none"/></bsdf>)");
   static const std::string glass =
-      R"(<shape type="rectangle" id="pane"><transform name="to_world"><scale value="3"/><translate x="2" y="2" z="1"/></transform>
+      R"(<shape type="rectangle" id="pane"><transform name="to_world"><scale x="1.7" y="2"/><rotate y="1" angle="90"/>
+        <translate x="3.2" y="2" z="1.71"/></transform>
         <bsdf type="dielectric"/></shape>)";
   static const std::string plastic = panel_shape(
       R"(<bsdf type="roughplastic"><float name="alpha" value="0.25"/><rgb name="diffuse_reflectance" value="0.7, 0.3, 0.5"/></bsdf>)");
@@ -340,7 +342,8 @@ const std::vector<LobeCase>& lobe_cases() {
           "move": {"to": [2.6, 1.6, 2.2], "normal": [1, 0, 0.5], "stretch": [1, 1.3, 1]}})")},
       {"glass_region", glass,
        wrapped(R"({"name": "a", "direction": "light", "select": "LX*ST{pane}", "source": "gloss",
-          "move": {"to": [1.5, 2.4, 0], "normal": [0, 0, 1], "stretch": [1.2, 1.1, 1]}})")},
+          "move": {"to": [1.5, 2.4, 0], "normal": [0, 0, 1], "stretch": [1.2, 1.1, 1]}})"),
+       0.9},
       {"gloss_alone", plastic,
        wrapped(R"({"name": "a", "direction": "light", "select": "LX*G{panel}", "source": "gloss",
           "move": {"to": [1.5, 2.7, 0], "normal": [0, 0, 1]}})")},
@@ -360,8 +363,9 @@ TEST_P(EditedLobes, AreTheSameFromBothEnds) {
   const Regions regions(kSize, kSize, kBlock);
   const TestScene scene = scene_from_xml(lamp_scene(c.shapes), kSize, kSize);
   const Estimator reference = cached(estimator_of("light", scene, c.edits, regions, 8));
-  for (const char* integrator : {"path", "bdpt"})
-    expect_equal(estimator_of(integrator, scene, c.edits, regions, 9), reference, regions, 0, 0.12);
+  for (const std::string integrator : {"path", "bdpt"})
+    expect_equal(estimator_of(integrator, scene, c.edits, regions, 9), reference, regions, 0,
+                 integrator == "path" ? c.detectable : 0.12);
 }
 
 // Claim: where shading normals differ from the geometric ones it is so, too, for edits of light and of the
