@@ -58,7 +58,7 @@ struct SceneOptions {
   std::optional<std::string> glossy_below;
   bool light_groups = false, partition = false;
   std::optional<std::string> edits;  // a file, or its JSON; none: no edits
-  bool lenient = false;  // unknown parameters, elements and plugins of the scene are warnings
+  bool lenient = false;              // unknown parameters, elements and plugins of the scene are warnings
 
   description::Reading reading() const { return {.integrator = integrator.value_or(""), .lenient = lenient}; }
 };
