@@ -9,6 +9,7 @@
 #include "client/commands/watch_many.h"
 #include "client/jobs_of_words.h"
 #include "client/values.h"
+#include "common/image/denoise.h"
 
 namespace candela::client {
 namespace {
@@ -47,6 +48,7 @@ Result<int> run_fetch(Context& context, const WatchOptions& options) {
     CANDELA_ASSIGN(const ImageOutput output, outputs_of(options.output, options.png, ""));
     CANDELA_TRY(check_output(output));
   }
+  if (options.denoise) CANDELA_TRY(image::Denoiser::load());
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
   CANDELA_ASSIGN(const std::vector<v1::JobName> jobs, jobs_of_words(*farm, options.ids));
   return fetch_jobs(context, *farm, jobs,

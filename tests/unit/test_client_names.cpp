@@ -189,9 +189,11 @@ TEST_F(JobWords, Groups) {
   v1::JobName group;
   group.set_id(first.group_id);
   group.set_group(true);
-  const auto waited = wait_for_jobs(context, *farm_, {group}, true, false);
+  std::vector<EndedJob> ended;
+  const auto waited = wait_for_jobs(context, *farm_, {group}, true, false, ended);
   ASSERT_TRUE(waited.ok());
   EXPECT_EQ(*waited, 1) << "no frame is done";
+  ASSERT_EQ(ended.size(), 1U);
 }
 
 // Claim: images of several jobs are asked for only if each has a file of its own.

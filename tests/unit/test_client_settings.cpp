@@ -160,7 +160,7 @@ TEST(Settings, EditsAreReadAndChecked) {
       << edits(R"({"edits": [{}]})");
   const std::string unknown =
       R"({"edits":[{"name":"a","direction":"light","select":"LX*X{nobody}","scale":0.5}]})";
-  EXPECT_NE(edits(unknown).find("edit 'a', column 4: no surface is called 'nobody'"), std::string::npos)
+  EXPECT_NE(edits(unknown).find("edit 'a', column 4: no object is called 'nobody'"), std::string::npos)
       << edits(unknown);
 }
 

@@ -209,7 +209,7 @@ TEST_F(NoticesOf, JobsAndWorkers) {
   ASSERT_TRUE(s->cancel("b", now()).ok());
   EXPECT_EQ(events(), Events{"job-cancelled"});
   EXPECT_EQ(last.text, "job name of b (b) was cancelled");
-  at(clock + 1000);
+  at(clock + 40);
   s->tick(now());
   EXPECT_EQ(events(), Events{"worker-lost"});
   EXPECT_EQ(last.subject, "worker");
