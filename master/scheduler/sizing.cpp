@@ -8,7 +8,7 @@ namespace candela::master {
 namespace {
 constexpr double kMergeShare = 0.4;  // of the time, at most
 constexpr double kShortUnits = 4;    // at first, of each half
-}
+}  // namespace
 
 std::uint64_t unit_iterations(const SizingInput& in) {
   const double workers = static_cast<double>(std::max<std::uint64_t>(in.active_workers, 1));

@@ -31,12 +31,14 @@ def run(*command, **more):
 
 
 def render(prefix, folder):
-    """A picture by the programs of the prefix, and a JPEG of it, which needs a module. The film's hash."""
+    """A picture by the programs of the prefix, and a JPEG of it, which needs a module. The hash of its PNG: the EXR names the
+    scene's file."""
     program = prefix / "bin/candela"
     run(program, "render", prefix / SCENE, "-o", folder / "out.exr", *SIZE, "--quiet", "--fresh")
     run(program, "convert", folder / "out.exr", folder / "out.jpg")
     assert (folder / "out.jpg").read_bytes().startswith(b"\xff\xd8\xff")
-    return hashlib.sha256((folder / "out.exr").read_bytes()).hexdigest()
+    run(program, "convert", folder / "out.exr", folder / "out.png")
+    return hashlib.sha256((folder / "out.png").read_bytes()).hexdigest()
 
 
 class Packages(unittest.TestCase):

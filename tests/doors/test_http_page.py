@@ -23,7 +23,8 @@ with tempfile.TemporaryDirectory(prefix="candela-http-") as scratch:
     folder = Path(scratch)
     (folder / "page-token").write_text("0123456789abcdef0123456789abcdef\n")
     (folder / "page-token").chmod(0o600)
-    environment = {**os.environ, "PATH": f"{PROGRAMS}:{os.environ['PATH']}", "HOME": scratch, "CANDELA_CONFIG": "/dev/null",
+    (folder / "config.toml").touch()  # not the machine's own settings
+    environment = {**os.environ, "PATH": f"{PROGRAMS}:{os.environ['PATH']}", "HOME": scratch, "CANDELA_CONFIG": f"{scratch}/config.toml",
                    "XDG_STATE_HOME": scratch, "DATA": f"{scratch}/data", "PAGE_TOKEN_FILE": f"{scratch}/page-token",
                    "SCENE": str(SOURCE / "deploy/scenes/cornell/scene.xml"), "no_proxy": "*"}
     processes = []

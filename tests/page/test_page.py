@@ -203,7 +203,7 @@ class Page(unittest.TestCase):
         self.assertEqual(self.ask("POST", path, Authorization="Basic eDp5")[0], 401)
         self.assertEqual(self.ask("POST", path, Authorization="Bearer wrong")[0], 403)
         self.assertEqual(self.ask("POST", path, Authorization="Bearer " + TOKEN, Sec_Fetch_Site="cross-site")[0], 403)
-        self.assertEqual(self.ask("GET", path)[0], 404)
+        self.assertEqual(self.ask("GET", path)[0], 405)
         self.assertEqual(self.status(job)["state"] in ("queued", "running"), True)
         tab = self.browser.open(f"{self.url}/jobs/{job}")
         button = "[...document.querySelectorAll('button')].find(b => b.textContent === '%s')"
@@ -446,7 +446,7 @@ class Page(unittest.TestCase):
         self.start_master()
         tab.wait("document.querySelector('#live').textContent === 'Live' && /^many-8/.test(document.querySelector('.job .c-name').textContent)")
         count = "Number(document.querySelector('.chip b').textContent)"
-        tab.wait(f"{count} >= 5000 && document.querySelector('.more').textContent.includes('more failed jobs') && !/Loading/.test(document.querySelector('.more').textContent)")
+        tab.wait(f"{count} >= 5000 && document.querySelector('.more').textContent.includes('more failed ones') && !/Loading/.test(document.querySelector('.more').textContent)")
         seen = tab.run(self.SEEN)
         self.assertGreaterEqual(len(seen), 20)
         order = [j for j in json.loads(self.ask("GET", "/api/jobs?order=wall")[2])["jobs"]]

@@ -50,7 +50,7 @@ struct Lobes {
 };
 constexpr Lobes kGlossyLobes{0.15, 0.8}, kMattLobes{0.9, 0};
 
-// The bundle of edits of ../shared/theory, as far as the vertex alone decides.
+// Edits of which the vertex alone decides.
 struct PanelCase {
   Edit edit;
   bool glossy = true;
@@ -251,11 +251,11 @@ struct Way {
   std::uint64_t iterations = 32;
 };
 Way way_of(const std::string& integrator) {
-  if (integrator == "ppm") return {{{"radius", "0.06"}}, 0.04, 24};
+  if (integrator == "ppm") return {{{"radius", "0.06"}}, 0.04, 40};
   if (integrator == "bpm" || integrator == "vcm") return {{{"radius", "0.05"}}, 0.03, 24};
   if (integrator == "light") return {{}, 0, 64};
   if (integrator == "pssmlt" || integrator == "mmlt")
-    return {{{"chains", "8"}, {"bootstrap_samples", "4096"}, {"segment_mutations", "16384"}}, 0, 1};
+    return {{{"chains", "8"}, {"bootstrap", "16384"}}, 0, 32};
   return {};
 }
 
@@ -318,6 +318,7 @@ std::string panel_shape(const std::string& bsdf) {
 struct LobeCase {
   std::string name, shapes, edits;
   double detectable = 0.12;  // of eye paths that meet the lamp by chance
+  friend void PrintTo(const LobeCase& c, std::ostream* out) { *out << c.name; }
 };
 const std::vector<LobeCase>& lobe_cases() {
   static const std::string mirror =

@@ -34,6 +34,7 @@ struct Case {
   bool bumpy = false;             // the shading normal is not the geometric one
   // Lobes that are edited.
   bool diffuse = true, glossy = true, delta = true;
+  friend void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 };
 
 std::unique_ptr<Edited> make(const Case& c) {

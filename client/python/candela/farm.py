@@ -19,7 +19,7 @@ from .v1 import client_pb2, client_pb2_grpc
 
 PathLike = Union[str, "os.PathLike[str]"]
 
-PROTOCOL = 2  # kProtocol of common/base/version.h; a test compares them
+PROTOCOL = 3  # kProtocol of common/base/version.h; a test compares them
 _MAX_MESSAGE_BYTES = 64 << 20
 _INPUT = (grpc.StatusCode.INVALID_ARGUMENT, grpc.StatusCode.NOT_FOUND)
 _AWAY = (
