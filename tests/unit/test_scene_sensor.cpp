@@ -127,8 +127,9 @@ TEST(Sensors, ACropOfTheJobIsAPartOfTheImage) {
   const auto sensor = [](const std::string& type, const std::string& film) {
     return "<sensor type=\"" + type +
            "\"><transform name=\"to_world\"><lookat origin=\"1, 2, 3\" target=\"0, 0, 0\" up=\"0, 1, "
-           "0\"/></transform><film type=\"hdrfilm\">" +
-           film + "</film></sensor>";
+           "0\"/></transform>" +
+           (type == "thinlens" ? "<float name=\"aperture_radius\" value=\"0.1\"/>" : "") +
+           "<film type=\"hdrfilm\">" + film + "</film></sensor>";
   };
   const auto integers = [](std::initializer_list<std::pair<const char*, int>> values) {
     std::string out;
