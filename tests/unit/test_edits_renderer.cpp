@@ -139,6 +139,30 @@ TEST(EditRenderers, ActFarFromTheOrigin) {
     EXPECT_NEAR(far[row], near[row], 0.02 * near[row] + 1e-4) << row;
 }
 
+// Claim: an edit of one lobe changes what that lobe scatters, and nothing else: halving one and halving the
+// other take away half of the image between them.
+TEST(EditRenderers, ChangeTheLobesThatTheySelect) {
+  const test::TextFiles files =
+      files_of(R"(<integrator type="path"><integer name="max_depth" value="2"/></integrator>
+    <sensor type="perspective"><transform name="to_world"><lookat origin="0, 0, 3" target="0, 0, 0" up="0, 1, 0"/></transform></sensor>
+    <shape type="rectangle" id="panel"><transform name="to_world"><scale value="3"/></transform>
+      <bsdf type="roughplastic"><float name="alpha" value="0.2"/></bsdf></shape>
+    <emitter type="point"><point name="position" x="0" y="0.5" z="2"/></emitter>)");
+  const auto sum_of = [&](const std::string& select) {
+    const std::string edits =
+        select.empty() ? "" : one(R"("direction": "light", "scale": 0.5, "select": ")" + select + '"');
+    const auto renderer = test::make_renderer(files, job_of("path", edits), {{"max_depth", "2"}});
+    const auto film = test::render_film(*renderer, 16);
+    double sum = 0;
+    for (std::size_t i = 0; i < 8 * 6 * 3; ++i) sum += static_cast<double>(film->sums()[i]);
+    return sum;
+  };
+  const double whole = sum_of(""), diffuse = sum_of("LX*D{panel}"), glossy = sum_of("LX*G{panel}");
+  EXPECT_LT(diffuse, 0.95 * whole);
+  EXPECT_LT(glossy, 0.95 * whole);
+  EXPECT_NEAR(diffuse + glossy, 1.5 * whole, 1e-3 * whole);
+}
+
 // Claim: the edits of docs/edits.md are read, and select surfaces of their scenes.
 TEST(EditRenderers, HaveTheExamples) {
   for (const auto& [scene, edits] : {std::pair<std::string, std::string>{"studio", "edits/caustic.json"},
