@@ -17,7 +17,7 @@ namespace candela::client {
 struct EndedJob {
   std::string id, name, state;
 };
-// Of a v1::JobStatus or v1::GroupStatus.
+// The status is a v1::JobStatus or a v1::GroupStatus.
 template <class Status>
 EndedJob ended_job(const Status& status) {
   return {status.id(), status.name(), std::string(wire::name(status.state()))};

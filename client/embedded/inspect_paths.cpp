@@ -42,7 +42,7 @@ Result<void> check_outputs(const PathsOptions& options) {
   return {};
 }
 
-// What needs no scene.
+// Reads the options that need no scene.
 Result<PathsRequest> request_of(const PathsOptions& options) {
   PathsRequest request;
   constexpr std::array<std::string_view, 2> kinds = {"expression", "object"}, ends = {"eye", "light"};

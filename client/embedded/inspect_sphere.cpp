@@ -32,7 +32,7 @@ struct SphereOptions {
   bool disc = false, logarithmic = false, json = false;
 };
 
-// What the options say that needs no scene.
+// The options that can be read without the scene.
 struct Choice {
   std::optional<Vec3d> at;
   std::optional<std::pair<std::uint32_t, std::uint32_t>> pixel;

@@ -20,7 +20,7 @@ using letters::Side;
 // The name under which the automaton knows the expression.
 constexpr std::string_view kLayer = "edit";
 
-// What the automaton says of the layer, said of the edit. `before`: bytes put before the user's expression.
+// Turns the automaton's error on a layer into one on the edit. `before`: bytes that stand before the user's.
 Error error_of(const Edit& edit, Error error, std::size_t before) {
   const std::string layer = fmt::format("layer '{}'", kLayer);
   std::string_view rest = error.message;

@@ -84,7 +84,7 @@ class Session {
   }
 
  private:
-  // What the library says of the last calls, or `otherwise`.
+  // The library's message on the last calls; `otherwise` if it has none.
   std::string error(const std::string& otherwise) const {
     const char* message = nullptr;
     if (api_.get_error(device_, &message) == 0) return otherwise;

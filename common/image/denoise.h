@@ -12,7 +12,7 @@
 
 namespace candela::image {
 
-// Where the dynamic linker finds the library: of versions 2 and 1.
+// Names by which the dynamic linker finds the library, versions 2 and 1.
 inline constexpr const char* kDenoiseLibraries[] = {"libOpenImageDenoise.so.2", "libOpenImageDenoise.so.1"};
 
 // The layer that has the denoised image, and the attribute that names its denoiser and guides.

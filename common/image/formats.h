@@ -37,10 +37,10 @@ std::string write_exr(const ImageSpec& spec, const RowSource& rows);
 // Three channels of 8-bit sRGB, which `rows` gives. Throws std::exception.
 std::string write_png(const ImageSpec& spec, const RowSource& rows);
 
-// Whether an image may have so many pixels.
+// An error if an image may not have so many pixels.
 Result<void> check_extent(std::uint64_t width, std::uint64_t height);
 
-// Whether the attribute is one of EXR's own, or a date, and cannot be given to write_exr().
+// True: the attribute is one of EXR's own, or a date, and write_exr() does not take it.
 bool is_reserved_attribute(const std::string& key);
 
 // A text of a file or a library without control characters: errors are one line.

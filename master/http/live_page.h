@@ -49,7 +49,7 @@ class BlobUpload {
         left_(bytes),
         turn_(std::move(turn)) {}
   std::uint64_t left() const { return left_; }
-  // What to say if it cannot go on. Precondition: no more than left().
+  // An answer if the upload cannot go on. Precondition: data are no more than left().
   std::optional<HttpAnswer> add(std::string_view data);
 
  private:

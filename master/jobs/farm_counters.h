@@ -9,7 +9,7 @@
 
 namespace candela::master {
 
-// Of notices (master/http/notices.h).
+// Counters of notices (master/http/notices.h).
 struct NoticeCounters {
   std::atomic<std::uint64_t> sent{0};     // taken by the receiver
   std::atomic<std::uint64_t> refused{0};  // by the receiver, for good

@@ -402,7 +402,7 @@ class Scheduler {
   void ask_cuts(Now now);
   // Of jobs below this priority. False: all are cut already.
   bool cut_leases(const WorkerState& worker, std::int64_t below_priority);
-  // Of the jobs of the worker's leases; the lowest number where it has none.
+  // The highest priority among the jobs of the worker's leases; the lowest number if it has none.
   std::int64_t highest_priority(const WorkerState& worker);
   void tell_losses(Now now);
   double useful_threads(const Job& job, double threads_per_worker) const;

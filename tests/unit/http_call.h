@@ -12,7 +12,7 @@
 
 namespace candela::test {
 
-// What is answered until its end; of a stream the head and what begins it.
+// Returns the whole answer; of a stream its head and its beginning.
 inline std::string http_call(int port, const std::string& text) {
   const Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
   sockaddr_in address{};

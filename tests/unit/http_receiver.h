@@ -12,6 +12,7 @@
 #include <condition_variable>
 #include <deque>
 #include <mutex>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
@@ -24,28 +25,29 @@ class HttpReceiver {
  public:
   static constexpr int kSilence = -1;  // takes the request, and never answers
 
-  // Answers with these codes, one after the other, then with 200. `port` 0: any.
-  explicit HttpReceiver(std::deque<int> codes = {}, int port = 0) : codes_(std::move(codes)) {
+  // Answers with these codes, one after the other, then with 200. `away`: nobody listens at its port until
+  // come().
+  explicit HttpReceiver(std::deque<int> codes = {}, bool away = false) : codes_(std::move(codes)) {
     listener_ = Descriptor(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
-    const int on = 1;
-    ::setsockopt(listener_.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    address.sin_port = htons(static_cast<std::uint16_t>(port));
     socklen_t size = sizeof address;
-    bound_ = ::bind(listener_.get(), reinterpret_cast<sockaddr*>(&address), size) == 0 &&
-             ::listen(listener_.get(), 64) == 0 &&
-             ::getsockname(listener_.get(), reinterpret_cast<sockaddr*>(&address), &size) == 0;
+    if (::bind(listener_.get(), reinterpret_cast<sockaddr*>(&address), size) != 0 ||
+        ::getsockname(listener_.get(), reinterpret_cast<sockaddr*>(&address), &size) != 0)
+      throw std::runtime_error("a port of this machine cannot be bound");
     port_ = ntohs(address.sin_port);
+    if (!away) come();
+  }
+  void come() {
+    if (::listen(listener_.get(), 64) != 0) throw std::runtime_error("a port cannot be listened at");
     thread_ = std::thread([this] { run(); });
   }
   ~HttpReceiver() {
     stop_ = true;
     ::shutdown(listener_.get(), SHUT_RDWR);
-    thread_.join();
+    if (thread_.joinable()) thread_.join();
   }
-  bool bound() const { return bound_; }
   int port() const { return port_; }
   std::string url() const { return "http://127.0.0.1:" + std::to_string(port_) + "/notices"; }
 
@@ -107,7 +109,6 @@ class HttpReceiver {
   }
 
   Descriptor listener_;
-  bool bound_ = false;
   int port_ = 0;
   std::atomic<bool> stop_{false};
   std::mutex mutex_;

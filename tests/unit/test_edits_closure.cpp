@@ -105,7 +105,7 @@ struct At {
 
 // ---- the definition ----
 
-// Where w is sent by all edits of one direction, in order; false: lost. Gathers the factors on the way.
+// Sends w through all edits of one direction, in order, and gathers their factors. False: it is lost.
 bool sent(const Edited& e, bool of_light, Vec3 local, Vec3& out, Spectrum& factor) {
   Vec3d w(e.hit.shading.to_world(local));
   const Vec3d x = Vec3d(e.hit.p) + e.scene.offset, g(e.hit.ng), s(e.hit.shading.n);
@@ -376,7 +376,7 @@ struct DeltaOutcome {
   BsdfSample s;
   double share = 0;  // of numbers u_lobe that bring it
 };
-// What sample() may do, by trying u_lobe throughout.
+// All outcomes of sample(), found by trying u_lobe throughout.
 std::vector<DeltaOutcome> outcomes(const Closure& closure, Vec3 wo, TransportMode mode) {
   constexpr int kTries = 360;
   std::vector<DeltaOutcome> found;

@@ -51,7 +51,7 @@ Long of(const edits::Triple& v) {
   return Long(Vec3d{v[0], v[1], v[2]});
 }
 
-// Where w goes, by the definition: the direction of the image of the point of the plane, or Rodrigues.
+// The direction to which the definition sends w: that of the plane point's image, or Rodrigues' rotation.
 Long defined(const edits::Edit& edit, Long x, Long w) {
   if (edit.rotate) {
     const Long k = normalize(of(edit.rotate->axis));

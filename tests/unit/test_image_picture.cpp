@@ -19,7 +19,7 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 class Picture : public testing::Test {
  protected:
-  // What OpenImageIO reads of the encoded image: codes of three channels.
+  // The codes of three channels that OpenImageIO reads from the encoded image.
   std::vector<std::uint16_t> codes(const Image& image, PictureFormat format, const Tone& tone,
                                    const char* wanted_format, OIIO::TypeDesc wanted_type) {
     const auto bytes = encode_picture(image, format, tone);

@@ -14,7 +14,7 @@ namespace {
 using letters::Letter;
 using letters::Side;
 
-// Of the vertex at distance i from the end.
+// The letter of the vertex at distance i from the end.
 char32_t at(const PathString& string, std::size_t i, bool from_light) {
   return from_light ? string[i] : string[string.size() - 1 - i];
 }

@@ -36,7 +36,7 @@ struct KeyPath {
   RecordedPath vertices;
 };
 
-// Of all paths of one string.
+// Sums over all paths of one string.
 struct Cluster {
   Vec3d sum;                    // of values
   double weight = 0;            // of absolute luminances

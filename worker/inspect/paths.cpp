@@ -116,7 +116,7 @@ class PathsRun {
     return (request_.spp - batch + tasks_.batches - 1) / tasks_.batches;
   }
 
-  // Of a sum's luminance over that of all light.
+  // The share of a sum's luminance in that of all light.
   Estimate share(const std::vector<double>& batches, const std::vector<double>& totals) const {
     double part = 0, total = 0;
     for (const double v : batches) part += v;

@@ -19,7 +19,7 @@ struct PathVertex {
   letters::Side side = letters::Side::none;
   bool infinite = false;  // light from outside: p stands in its direction, beyond the scene
   Vec3 p;                 // of the scene
-  // Of the subpath that found it, from that one's own end: the lamp or the eye.
+  // The throughput of the subpath that found the vertex, from its own end: the lamp or the eye.
   Spectrum throughput;
 };
 

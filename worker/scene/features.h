@@ -59,7 +59,7 @@ struct SceneFeatures {
   std::vector<std::pair<ShapePlace, ShapePlace>> shared_faces;
   // The job has layers by light path expressions: its kernels are those that know letters.
   bool reads_letters = false;
-  // What each edit of the job does, a line each.
+  // One line for each edit of the job: what it does.
   std::vector<std::string> edits;
 };
 

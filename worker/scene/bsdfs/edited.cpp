@@ -75,7 +75,7 @@ void undo(const EditedClosure& e, std::uint16_t bits, Vec3 v, Branches& out) {
   }
 }
 
-// Where light meant for `w` goes. False: it is lost.
+// Turns w, where light would go, to where the edits send it. False: it is lost.
 bool apply(const EditedClosure& e, std::uint16_t bits, Vec3& w) {
   if (bits == 0) return true;
   const Vec3d x = place_of(e);
@@ -131,7 +131,7 @@ Parts parts_of(const EditedClosure& e, bool transmitted) {
   parts.count = e.nested->even() || parts.of[0] == parts.of[1] ? 1 : 2;
   return parts;
 }
-// Of two parts with the same edits against the walk: a coin decides whose edits turn what the walk draws.
+// True: two parts have edits against the walk, and a coin decides whose edits turn what the walk draws.
 bool tosses(TransportMode mode, const Parts& parts) {
   return parts.count == 2 && against(mode, parts.of[0]) == against(mode, parts.of[1]);
 }
@@ -251,7 +251,7 @@ Spectrum evaluate(const EditedClosure& e, Vec3 wo, Vec3 wi, TransportMode mode, 
   return sum;
 }
 
-// What the direction that a walk drew is worth if a delta lobe chose it.
+// Edits the weight and the probabilities of a sample that a delta lobe drew. False: it is lost, by rounding.
 bool finish_delta(const EditedClosure& e, TransportMode mode, Vec3 wo, const Alternative& from, Vec3 meant,
                   std::uint16_t bits_with, BsdfSample& out) {
   const TransportMode other =
