@@ -21,6 +21,7 @@
 
 #include "worker/core/math.h"
 #include "worker/core/warp.h"
+#include "worker/scene/emitters/choice/surface_lanes.h"
 #include "worker/scene/emitters/emitter.h"
 #include "worker/scene/emitters/light_bounds.h"
 #include "worker/scene/emitters/light_point.h"
@@ -88,6 +89,17 @@ class AreaLight {
     if (!surface_.reaches(p)) return 0;
     return extent_.template importance<!Surface::kNormalsVary>(strength_, p, front);
   }
+  // The same, as SurfaceLanes computes it beside others.
+  SurfaceLane lane() const {
+    SurfaceLane out{
+        .extent = extent_, .strength = strength_, .cone = !Surface::kNormalsVary, .corner = {}, .normal = {}};
+    if constexpr (requires { surface_.plane(out.corner, out.normal); })
+      surface_.plane(out.corner, out.normal);
+    else
+      out.ask = !Surface::kReachesAll;
+    return out;
+  }
+  bool reaches(Vec3 p) const { return surface_.reaches(p); }
 
  private:
   static constexpr bool kHasSamplers = requires(const Surface& s, LightPoint& p) {

@@ -11,6 +11,7 @@ namespace candela::scene {
 class CylinderSurface {
  public:
   static constexpr bool kNormalsVary = true;
+  static constexpr bool kReachesAll = false;
   static constexpr bool kReadsRest = false;
 
   explicit CylinderSurface(const Cylinder& cylinder) : cylinder_(cylinder) {}

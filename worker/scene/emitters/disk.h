@@ -9,6 +9,7 @@ namespace candela::scene {
 class DiskSurface {
  public:
   static constexpr bool kNormalsVary = false;
+  static constexpr bool kReachesAll = false;
   static constexpr bool kReadsRest = false;
 
   explicit DiskSurface(const Disk& disk) : disk_(disk) {}

@@ -278,11 +278,10 @@ float Environment::pdf_solid_angle(Vec3 d) const {
   return (map.row_cdf[r + 1] - map.row_cdf[r]) * (cells[c + 1] - cells[c]) / map.cell_solid_angle(r);
 }
 
-bool Environment::sample(Vec2 u, Vec3& d, Spectrum& radiance_out, float& pdf) const {
+bool Environment::sample(Vec2 u, Vec3& d, float& pdf) const {
   if (black()) return false;
   if (!map_) {
     d = warp::uniform_sphere(u);
-    radiance_out = mean_radiance_;
     pdf = warp::kPdfUniformSphereSolidAngle;
     return true;
   }
@@ -303,7 +302,6 @@ bool Environment::sample(Vec2 u, Vec3& d, Spectrum& radiance_out, float& pdf) co
   math::sincosf(phi, s, co);
   d = map.to_world.to_world({s * sin_theta, static_cast<float>(cos_theta), -co * sin_theta});
   d = normalize(d);
-  radiance_out = radiance(d);
   pdf = row_prob * cell_prob / map.cell_solid_angle(r);
   return true;
 }
@@ -318,9 +316,8 @@ DirectOutcome Environment::sample_direct(const SurfaceHit& reference, Vec3 front
   float pdf = 0;
   if (!map_ && !is_zero(front) && !black()) {
     out.wi = make_frame(front).to_world(warp::cosine_hemisphere(u));
-    out.radiance = mean_radiance_;
     pdf = pdf_direct_solid_angle(front, out.wi);
-  } else if (!sample(u, out.wi, out.radiance, pdf)) {
+  } else if (!sample(u, out.wi, pdf)) {
     return DirectOutcome::failed;
   }
   if (!(pdf > 0)) return DirectOutcome::failed;
@@ -333,6 +330,7 @@ DirectOutcome Environment::sample_direct(const SurfaceHit& reference, Vec3 front
     out.radiance = {};
     return DirectOutcome::dark;
   }
+  out.radiance = radiance(out.wi);  // not before: texels of a large map are far apart in memory
   return out.radiance.is_black() ? DirectOutcome::dark : DirectOutcome::sampled;
 }
 
@@ -340,7 +338,8 @@ bool Environment::sample_emission(const SceneExtent& scene, double /*rest*/, Vec
                                   Vec2 u_direction, EmissionSample& out) const {
   Vec3 to_light;
   float pdf = 0;
-  if (!sample(u_direction, to_light, out.radiance, pdf) || !(pdf > 0)) return false;
+  if (!sample(u_direction, to_light, pdf) || !(pdf > 0)) return false;
+  out.radiance = radiance(to_light);
   pdf_emission(scene, {}, -to_light, out);  // 0 by rounding at the edge of a cell: the caller looks
   scene.start_outside(-to_light, u_position, out);
   return true;

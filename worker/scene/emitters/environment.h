@@ -32,7 +32,7 @@ class Environment {
   Spectrum radiance(Vec3 d) const;
 
   // A direction d towards the environment with its density; false where the environment is black.
-  bool sample(Vec2 u, Vec3& d, Spectrum& radiance, float& pdf_solid_angle) const;
+  bool sample(Vec2 u, Vec3& d, float& pdf_solid_angle) const;
   // The density with which sample() chooses d; exactly that of the quantised tables it samples by.
   float pdf_solid_angle(Vec3 d) const;
 

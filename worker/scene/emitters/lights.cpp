@@ -16,7 +16,7 @@ void Lights::finish(bool choose_by_power) {
   by_power_ = PowerChooser(powers);
   uniform_ = UniformChooser(emitters_.size());
   draws_choice_ = emitters_.size() > 1 || (emitters_.size() == 1 && emitters_.reads_rest(0));
-  if (emitters_.size() <= ImportanceChooser::kMaxEmitters) return;
+  if (emitters_.size() <= ImportanceChooser::kMaxEmitters) return by_importance_.finish();
   adapted_ = choose_by_power ? Adapted::power : Adapted::tree;
   if (!choose_by_power) by_tree_ = TreeChooser(emitters_, *geometry_, powers);
 }

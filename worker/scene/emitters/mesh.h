@@ -15,6 +15,7 @@ Distribution triangles_by_area(const Geometry& geometry, std::uint32_t shape);
 class MeshSurface {
  public:
   static constexpr bool kNormalsVary = false;
+  static constexpr bool kReachesAll = true;
   static constexpr bool kReadsRest = true;  // it chooses the triangle
 
   // The geometry must outlive this.

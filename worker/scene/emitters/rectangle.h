@@ -23,6 +23,11 @@ class RectangleSurface {
   RectangleSurface(const Rectangle& rectangle, float error);
   // The reference is strictly in front.
   bool reaches(Vec3 reference) const { return dot(reference - rectangle_.corner, rectangle_.normal) > 0; }
+  // What reaches() reads.
+  void plane(Vec3& corner, Vec3& normal) const {
+    corner = rectangle_.corner;
+    normal = rectangle_.normal;
+  }
   bool sample(Vec3 reference, double rest, Vec2 u, LightPoint& out) const;
   float pdf_solid_angle(Vec3 reference, const SurfaceHit& hit) const;
   // Sheared ones are two triangles to `spherical`. `parallel` without a front is `area`.

@@ -10,6 +10,7 @@ namespace candela::scene {
 class SphereSurface {
  public:
   static constexpr bool kNormalsVary = true;
+  static constexpr bool kReachesAll = false;
   static constexpr bool kReadsRest = false;
 
   explicit SphereSurface(const Sphere& sphere) : sphere_(sphere) {}

@@ -8,8 +8,10 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <vector>
 
 #include "worker/scene/emitters/choice/choice.h"
+#include "worker/scene/emitters/choice/surface_lanes.h"
 #include "worker/scene/emitters/emitter_set.h"
 
 namespace candela::scene {
@@ -20,6 +22,8 @@ class ImportanceChooser {
 
   // The emitters must outlive this; when it is asked there are at most kMaxEmitters.
   explicit ImportanceChooser(const EmitterSet& emitters) : emitters_(&emitters) {}
+  // After the last emitter.
+  void finish();
 
   bool choose(Vec3 p, Vec3 front, double u, EmitterChoice& out) const {
     Candidates candidates;
@@ -76,19 +80,7 @@ class ImportanceChooser {
   static constexpr float kEvenShare = 0.1f;
   using Candidates = std::array<Candidate, kMaxEmitters>;
 
-  CandidateSum find(Vec3 p, Vec3 front, Candidates& out) const {
-    CandidateSum sum;
-    for (std::size_t i = 0; i < emitters_->size(); ++i) {
-      out[i] = candidate(emitters_->importance(static_cast<std::uint32_t>(i), p, front));
-      if (!emitters_->is_environment(static_cast<std::uint32_t>(i))) sum.add(out[i]);
-    }
-    const float others = sum.importance;
-    for (const std::uint32_t i : emitters_->environments()) {
-      out[i] = environment_candidate(out[i].importance, emitters_->environment(i).variation(), others);
-      sum.add(out[i]);
-    }
-    return sum;
-  }
+  CandidateSum find(Vec3 p, Vec3 front, Candidates& out) const;
 
   using Products = std::array<double, kMaxEmitters>;
   // Returns the sum of the products.
@@ -103,7 +95,13 @@ class ImportanceChooser {
     return sum;
   }
 
+  // Fewer surfaces are asked one by one: a block of lanes costs as much as three of them.
+  static constexpr std::size_t kFewSurfaces = 3;
+
   const EmitterSet* emitters_;
+  // If there are more surfaces: these, and all other emitters.
+  SurfaceLanes surfaces_;
+  std::vector<std::uint32_t> others_;
 };
 
 }  // namespace candela::scene
