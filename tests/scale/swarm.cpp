@@ -179,7 +179,7 @@ class SwarmWorker {
     rendering_.reset();
     outbox_.clear();
     ++push_round_;
-    push_waits_ = false;
+    push_waits_ = packing_ = false;
     ++generation_;
     ++session_count_;
     sign_on();
@@ -328,6 +328,8 @@ class SwarmWorker {
       rendering_.reset();
       if (outbox_.size() == 1)
         push();
+      else if (packing_ && swarm_.hurries(outbox_.back().lease.job_id()))
+        pass_unpacked();
       else
         pass();
       render_next();
@@ -359,21 +361,36 @@ class SwarmWorker {
     return true;
   }
 
+  // A real worker packs its deltas itself and at once. Here one thread packs those of all workers: an urgent
+  // one does not wait until it has come to the delta before it.
+  void pass_unpacked() {
+    std::rotate(outbox_.begin(), outbox_.end() - 1, outbox_.end());
+    push();
+  }
+
   void push() {
     ++push_round_;
     push_waits_ = false;
     auto call = std::make_shared<PushCall>();
     call->session_count = session_count_;
     call->delivery = outbox_.front().delivery;
-    if (!call->delivery->messages.empty()) return begin(call);
-    swarm_.pack(
-        [this, call, lease = outbox_.front().lease, header = signed_request<v1::DeltaHeader>()]() mutable {
-          header.set_render_seconds(seconds_per_iteration() * static_cast<double>(iterations(lease)));
-          const std::size_t which = Swarm::recording_of(lease.unit_id(), swarm_.recording_);
-          *call->delivery = swarm_.recording_.deliver(which, lease, std::move(header));
-          const std::lock_guard lock(mutex_);
-          if (!swarm_.over_ && call->session_count == session_count_) begin(call);
-        });
+    packing_ = call->delivery->messages.empty();
+    if (!packing_) return begin(call);
+    const bool first = swarm_.hurries(outbox_.front().lease.job_id());
+    swarm_.pack(first, [this, call, round = push_round_, lease = outbox_.front().lease,
+                        header = signed_request<v1::DeltaHeader>()]() mutable {
+      {
+        const std::lock_guard lock(mutex_);
+        if (round != push_round_ || call->session_count != session_count_) return;  // another one goes first
+      }
+      header.set_render_seconds(seconds_per_iteration() * static_cast<double>(iterations(lease)));
+      const std::size_t which = Swarm::recording_of(lease.unit_id(), swarm_.recording_);
+      *call->delivery = swarm_.recording_.deliver(which, lease, std::move(header));
+      const std::lock_guard lock(mutex_);
+      if (swarm_.over_ || round != push_round_ || call->session_count != session_count_) return;
+      packing_ = false;
+      begin(call);
+    });
   }
 
   void begin(const std::shared_ptr<PushCall>& call) {
@@ -460,6 +477,7 @@ class SwarmWorker {
   std::deque<Task> pending_, outbox_;
   std::uint64_t push_round_ = 0;
   bool push_waits_ = false;  // the front one's wait goes on
+  bool packing_ = false;     // the front one is not packed yet
   std::optional<Task> rendering_;
 };
 
@@ -497,10 +515,23 @@ void* Swarm::tag(Done done) {
   return new Done(std::move(done));
 }
 
-void Swarm::pack(std::function<void()> make) {
+void Swarm::hurry(std::string job) {
+  const std::lock_guard lock(pack_mutex_);
+  hurried_ = std::move(job);
+}
+
+bool Swarm::hurries(const std::string& job) {
+  const std::lock_guard lock(pack_mutex_);
+  return !hurried_.empty() && job == hurried_;
+}
+
+void Swarm::pack(bool first, std::function<void()> make) {
   {
     const std::lock_guard lock(pack_mutex_);
-    to_pack_.push_back(std::move(make));
+    if (first)
+      to_pack_.push_front(std::move(make));
+    else
+      to_pack_.push_back(std::move(make));
   }
   packing_.notify_one();
 }

@@ -56,13 +56,17 @@ class Swarm {
   // Since the call before this one.
   SwarmCounts counts();
   std::size_t registered() const { return registered_; }
+  // Deltas of this job are packed before all others.
+  void hurry(std::string job);
 
  private:
   friend class SwarmWorker;
   void poll();
   void pack_loop();
   // Runs `make` on the thread that makes deltas, which is not to hold up calls that are being timed.
-  void pack(std::function<void()> make);
+  // first: before all others.
+  void pack(bool first, std::function<void()> make);
+  bool hurries(const std::string& job);
   // A tag of the completion queue.
   void* tag(std::function<void(bool ok)> done);
 
@@ -73,9 +77,10 @@ class Swarm {
   std::atomic<std::size_t> registered_{0}, under_way_{0};
   std::mutex mutex_;  // of the counts; taken after a worker's
   SwarmCounts counts_;
-  std::mutex pack_mutex_;  // of the two below
+  std::mutex pack_mutex_;  // of the three below; taken after a worker's
   std::condition_variable packing_;
   std::deque<std::function<void()>> to_pack_;
+  std::string hurried_;
   std::vector<std::unique_ptr<SwarmWorker>> workers_;
   std::vector<std::thread> threads_;
 };
