@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -153,6 +154,23 @@ void PixelFilter::tabulate(std::size_t knots) {
     pdf_[i] /= total;
     cdf_[i] /= total;
   }
+  // A power of two: its steps begin at exact values of u.
+  guide_.resize(std::bit_ceil(2 * knots));
+  std::size_t at = 0;
+  for (std::size_t k = 0; k < guide_.size(); ++k) {
+    const double u = static_cast<double>(k) / static_cast<double>(guide_.size());
+    while (at + 2 < knots && cdf_[at + 1] <= u) ++at;
+    guide_[k] = static_cast<std::uint16_t>(at);
+  }
+}
+
+// The last knot, but for the last of all, whose cumulative is at most u: from that of the guide's step on,
+// since a binary search mispredicts half of its branches.
+std::size_t PixelFilter::cell(double u) const {
+  const auto step = static_cast<std::size_t>(u * static_cast<double>(guide_.size()));
+  std::size_t i = guide_[std::min(step, guide_.size() - 1)];
+  while (i + 2 < cdf_.size() && cdf_[i + 1] <= u) ++i;
+  return i;
 }
 
 double PixelFilter::eval_1d(double x) const {
@@ -194,8 +212,7 @@ float PixelFilter::sample_1d(float u, float& weight) const {
     case Kind::gaussian:
     case Kind::cubic:
     case Kind::lanczos: {
-      const auto upper = std::upper_bound(cdf_.begin() + 1, cdf_.end() - 1, static_cast<double>(u));
-      const auto i = static_cast<std::size_t>(upper - cdf_.begin()) - 1;
+      const std::size_t i = cell(static_cast<double>(u));
       // Within a cell the density is linear: solve the quadratic for the cumulative, in the form that does
       // not cancel.
       const double step = 2 * radius_ / static_cast<double>(pdf_.size() - 1);

@@ -44,6 +44,7 @@ class PixelFilter {
   enum class Kind : std::uint8_t { box, tent, gaussian, cubic, lanczos };
   PixelFilter() = default;
   void tabulate(std::size_t knots);
+  std::size_t cell(double u) const;
   float sample_1d(float u, float& weight) const;
 
   Kind kind_ = Kind::box;
@@ -55,6 +56,7 @@ class PixelFilter {
   bool negative_lobes_ = false;
   std::vector<double> pdf_;  // all but box and tent: density at the knots, linear between them
   std::vector<double> cdf_;
+  std::vector<std::uint16_t> guide_;  // cell(k / size) for each k
 };
 
 }  // namespace candela::film
