@@ -282,6 +282,8 @@ TEST(Program, BadUsageIsOneLineAndCodeTwo) {
       {{"submit", "scene.xml", "-o", out}, "an output needs --wait"},
       {{"submit", "scene.xml", "--tev", "127.0.0.1:1"}, "--tev: an output needs --wait"},
       {{"submit", "scene.xml", "--variance-layer"}, "--variance-layer: an output needs --wait"},
+      {{"submit", "scene.xml", "--denoise"}, "--denoise: an output needs --wait"},
+      {{"submit", "scene.xml", "--wait", "--denoise"}, "--denoise: there is no image to denoise"},
       {{"submit", "scene.xml", "--wait", "--preview", "5s"}, "--preview: there is nothing to preview"},
       {{"submit", "scene.xml", "--wait", "--tev", "nowhere"}, "--tev"},
       {{"render", "scene.xml", "-o", out, "--aov", "colour"}, "--aov: there is no AOV 'colour'"},
