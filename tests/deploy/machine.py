@@ -121,7 +121,7 @@ def make_machine():
     local = scratch / "usr-local-bin"
     local.mkdir()
     subprocess.run(["mount", "--bind", local, "/usr/local/bin"], check=True)
-    Path("/etc/hosts").write_text("127.0.0.1 localhost render.example.org farm\n")
+    Path("/etc/hosts").write_text("127.0.0.1 localhost render.example.org\n")
     for name, text in (("systemctl", SYSTEMCTL), ("sbatch", SBATCH), ("apt", APT), ("sudo", '#!/bin/bash\nexec "$@"\n')):
         path = Path("/usr/local/bin") / name
         path.write_text(text)

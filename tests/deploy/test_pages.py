@@ -6,7 +6,9 @@ import http.server
 import json
 import os
 import re
+import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -14,7 +16,7 @@ import unittest
 from pathlib import Path
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from apart import own_namespaces
+from apart import eventually, own_namespaces
 from machine import SCENE, STAY, OnAMachine
 from manifests import PROGRAMS, SOURCE
 
@@ -38,6 +40,8 @@ case "${1:-}" in
   render | submit)
     [[ " $* " == *" --size "* ]] || more+=(--size 48x36)
     [[ " $* " =~ " --"(spp|time|until|iterations|indices|resume)" " ]] || more+=(--spp 8) ;;
+  inspect)
+    [[ "$2" == falsecolor || " $* " == *" --spp "* ]] || more+=(--spp 16) ;;
 esac
 exec "$CANDELA_REAL" "$@" "${more[@]}"
 """
@@ -121,9 +125,6 @@ class Pages(OnAMachine):
     def have_scene(self, name="scene.xml", more=""):
         """A scene of the reader's, with a parameter `frame`, as those pages assume that speak of scene.xml."""
         text = SCENE.read_text()
-        for file in SCENE.parent.iterdir():
-            if file.suffix != ".xml":
-                shutil.copy(file, self.folder)
         path = self.folder / name
         path.parent.mkdir(exist_ok=True)
         path.write_text(re.sub(r"(<scene[^>]*>)", r'\1<default name="frame" value="1"/>', text, count=1)
@@ -175,10 +176,10 @@ class Pages(OnAMachine):
         element = blocks("layers", "xml")[0]
         self.have_scene("element.xml")
         path = self.folder / "element.xml"
-        text, times = re.subn(r"<integrator.*?(</integrator>|/>)", lambda _: element, path.read_text(), flags=re.S)
+        text, times = re.subn(r"<integrator.*?</integrator>", lambda _: element, path.read_text(), flags=re.S)
         self.assertEqual(times, 1)
         path.write_text(text)
-        self.assertIn("caustics", self.run_line("candela plan element.xml"))
+        self.run_line("candela render element.xml -o element.exr --iterations 2; candela convert element.exr caustics.png --layer caustics")
 
     def test_frames(self):
         self.have_scene()
@@ -191,12 +192,13 @@ class Pages(OnAMachine):
         self.assertRegex(said, r"(?m)^name +comp|comp")
         self.run_line("candela watch comp walk")
         # The words of the page within sentences.
-        for words in ("list --mine", "list --name 'sho*'", "list --state done,running", "list --unfold", "show shot", "extend comp --spp +8", "priority shot 3"):
+        for words in ("list --mine", "list --name 'sho*'", "list --state done,running", "list --unfold", "show shot", "extend comp --spp +8"):
             self.run_line(f"candela {words}")
 
     def test_notices(self):
         self.have_scene()
         receiver = Receiver()
+        self.addCleanup(receiver.server_close)
         self.addCleanup(receiver.shutdown)
         for name, text in (("notify-send", f'echo "$@" >>{self.folder}/told\n'), ("publish.sh", f'echo "published $CANDELA_JOB_STATE" >>{self.folder}/told\n')):
             path = (self.scratch / "small" if name == "notify-send" else self.folder) / name
@@ -222,8 +224,6 @@ class Pages(OnAMachine):
     def test_reproduce(self):
         self.have_scene()
         self.have_scene("moved/scene.xml")
-        for file in (self.folder / "moved").parent.glob("*.ply"):
-            shutil.copy(file, self.folder / "moved")
         self.start_farm()
         said = self.run_blocks("reproduce", 1)
         self.assertEqual(said.count("\nequal: ") + said.startswith("equal: "), 3, said)
@@ -240,7 +240,21 @@ class Pages(OnAMachine):
     def test_readme(self):
         self.have_scene()
         one_machine, several = blocks("README")
-        self.assertIn("equal: ", self.run_block(one_machine.replace("build/bin/candela", "candela")))  # the small one
+        # The programs of the checkout, with small images.
+        (self.folder / "build").unlink()
+        (self.folder / "build").mkdir()
+        (self.folder / "build/bin").symlink_to(self.scratch / "small")
+        self.run_line("candela render scene.xml -o reference.exr --seed 1")
+        before, resumed, after = re.match(r"(.*\n)([^\n]*--resume[^\n]*\n)(.*)", one_machine, re.S).groups()
+        self.run_block(before)
+        # Ctrl-C, and the command that goes on.
+        child = subprocess.Popen(shlex.split(resumed.split("#")[0].replace("--resume", "--spp 1000")), cwd=self.folder, env=self.environment)
+        self.assertTrue(eventually(lambda: (self.folder / "out.exr.candela").is_dir() or child.poll() is not None))
+        child.send_signal(signal.SIGINT)
+        self.assertIn(child.wait(120), (0, 128 + signal.SIGINT))
+        self.assertTrue((self.folder / "out.exr.candela").is_dir(), "the render ended before Ctrl-C")
+        self.run_block(resumed)
+        self.assertIn("equal: ", self.run_block(after))
         self.pictures("out.exr", "out.png")
         (self.folder / "out.exr").unlink()
         self.run_block(several)

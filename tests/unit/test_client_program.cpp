@@ -260,6 +260,7 @@ TEST(Program, BadUsageIsOneLineAndCodeTwo) {
       {{"render", "scene.xml", "-o", "x.png", "--layers"}, "--layers: a PNG has no layers"},
       {{"submit", "scene.xml", "--frames", "1-3"}, "--frames: all frames would be the same image"},
       {{"submit", "s.{frame}.xml", "--frames", "3-1"}, "--frames: '3-1' is no range of frames"},
+      {{"submit", "s.{frame}.xml", "--frames", "1-1000000000"}, "no range of frames from 0 to 99999999"},
       {{"submit", "s.{frame}.xml"}, "--frames: {frame} needs the frames"},
       {{"submit", "s.{frame}.xml", "--frames", "1-2", "--wait", "-o", "x.exr"},
        "--output: all frames would be written to one file"},
