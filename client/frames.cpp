@@ -16,7 +16,7 @@ constexpr std::size_t kMaxFrames = 10000;
 
 Result<std::vector<std::int32_t>> parse_frames(std::string_view text, std::string_view option) {
   const auto bad = [&] {
-    return usage_error(fmt::format("'{}' is no range of frames", printable(text)))
+    return usage_error(fmt::format("'{}' is no range of frames from 0 to {}", printable(text), kMaxFrame))
         .with_field(std::string(option))
         .with_mend("write 1-240, 1-240x2 for every second one, or 1,5,9-20");
   };

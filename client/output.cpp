@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 
 #include "client/values.h"
@@ -85,23 +86,53 @@ Result<void> check_output(const ImageOutput& output) {
   return {};
 }
 
-Result<void> write_images(const ImageOutput& output, const std::string& exr_bytes) {
-  if (!output.denoiser) {
-    if (!output.exr.empty()) CANDELA_TRY(write_file_atomically(output.exr, exr_bytes));
-    if (output.png.empty()) return {};
-    CANDELA_ASSIGN(const image::Image image, image::decode_exr(exr_bytes));
-    CANDELA_ASSIGN(const std::string png, image::encode_png(image));
-    return write_file_atomically(output.png, png);
+Result<FetchedImage> fetch_for(FarmClient& farm, const std::string& id, const ImageRequest& request,
+                               const ImageOutput& output) {
+  constexpr int kTries = 3;  // a job that runs may merge samples between two fetches
+  ImageRequest whole = request;
+  whole.image_only = output.exr.empty() && !output.denoiser;
+  FetchedImage out;
+  for (int tries = 0; tries < kTries; ++tries) {
+    CANDELA_ASSIGN(out.exr, farm.fetch_image(id, whole));
+    if (!output.denoiser || request.half != v1::FetchImageRequest::HALF_UNSPECIFIED) return out;
+    ImageRequest half{.image_only = true, .partial = request.partial, .estimator = request.estimator};
+    half.half = v1::FetchImageRequest::HALF_A;
+    auto a = farm.fetch_image(id, half);
+    half.half = v1::FetchImageRequest::HALF_B;
+    auto b = farm.fetch_image(id, half);
+    // The image is there without its halves: a job of one iteration has no half B.
+    if (!a.ok() || !b.ok()) return out;
+    out.halves = {std::move(*a), std::move(*b)};
+    CANDELA_ASSIGN(const bool same, image::halves_are_of(out.exr, out.halves));
+    if (same) return out;
+    out.halves = {};
   }
-  auto denoised = image::denoise_exr(exr_bytes, *output.denoiser);
+  return out;
+}
+
+Result<std::string> write_images(const ImageOutput& output, const FetchedImage& fetched) {
+  if (!output.denoiser) {
+    if (!output.exr.empty()) CANDELA_TRY(write_file_atomically(output.exr, fetched.exr));
+    if (output.png.empty()) return std::string();
+    CANDELA_ASSIGN(const image::Image image, image::decode_exr(fetched.exr));
+    CANDELA_ASSIGN(const std::string png, image::encode_png(image));
+    CANDELA_TRY(write_file_atomically(output.png, png));
+    return std::string();
+  }
+  auto denoised = image::denoise_exr(fetched.exr, *output.denoiser, fetched.halves);
   if (!output.exr.empty())
-    CANDELA_TRY(write_file_atomically(output.exr, denoised.ok() ? denoised->bytes : exr_bytes));
+    CANDELA_TRY(write_file_atomically(output.exr, denoised.ok() ? denoised->bytes : fetched.exr));
   if (!denoised.ok()) return std::move(denoised).error();
-  if (output.png.empty()) return {};
+  const std::string note =
+      std::isfinite(denoised->relmse)
+          ? fmt::format("the denoised image: relMSE about {:.1e}, with the denoiser's bias", denoised->relmse)
+          : std::string();
+  if (output.png.empty()) return note;
   CANDELA_ASSIGN(
       const std::string png,
       image::encode_png(image::Image{denoised->width, denoised->height, std::move(denoised->rgb), {}}));
-  return write_file_atomically(output.png, png);
+  CANDELA_TRY(write_file_atomically(output.png, png));
+  return note;
 }
 
 }  // namespace candela::client

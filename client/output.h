@@ -9,6 +9,7 @@
 #include <string_view>
 #include <utility>
 
+#include "client/farm_client.h"
 #include "common/base/result.h"
 #include "common/image/denoise.h"
 
@@ -23,8 +24,9 @@ struct ImageOutput {
 
 // The text of the option --denoise of render and fetch.
 inline constexpr const char* kDenoiseText =
-    "Add the layer 'denoised' to the EXR, by Open Image Denoise (installed apart) and the AOVs albedo and "
-    "normal; a PNG shows that layer";
+    "Add the layer 'denoised' to the EXR, by Open Image Denoise (installed apart), both halves of the "
+    "samples "
+    "and the AOVs albedo and normal; a PNG shows that layer";
 
 // The path ends in `extension`, its folder exists and can be written, and no folder or device is in its
 // place. If the path is a symbolic link, its target's folder exists and can be written too.
@@ -42,8 +44,18 @@ std::string png_note(const ImageOutput& output);
 
 Result<void> check_output(const ImageOutput& output);
 
-// Writes the EXR's bytes, and the PNG made of them. If the denoiser fails, the EXR is written without its
-// layer, and no PNG.
-Result<void> write_images(const ImageOutput& output, const std::string& exr_bytes);
+// An image of a farm, and the images of its halves if a denoiser is to have them.
+struct FetchedImage {
+  std::string exr;
+  image::HalfExrs halves = {};
+};
+// Fetches what `output` needs. The halves are of the same samples as the image, or empty: half of the samples
+// is not there yet, `request` is for one half, or the job goes on too fast.
+Result<FetchedImage> fetch_for(FarmClient& farm, const std::string& id, const ImageRequest& request,
+                               const ImageOutput& output);
+
+// Writes the EXR's bytes, and the PNG made of them; returns a note for the user about the denoised layer, or
+// nothing. If the denoiser fails, the EXR is written without its layer, and no PNG.
+Result<std::string> write_images(const ImageOutput& output, const FetchedImage& fetched);
 
 }  // namespace candela::client

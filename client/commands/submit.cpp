@@ -30,16 +30,21 @@ struct SubmitOptions {
   std::optional<std::string> name, priority, share, token, output, png, frames, on_end, folder;
   std::vector<std::string> depends;
   PreviewOptions preview;
-  bool wait = false, quiet = false, json = false, error_layer = false, variance_layer = false;
+  bool wait = false, quiet = false, json = false, error_layer = false, variance_layer = false,
+       denoise = false;
 };
 
 // Refuses options that need --wait if --wait is not given.
 Result<void> check_waits(const SubmitOptions& options) {
   if (options.wait) return {};
   const std::pair<bool, const char*> needs[] = {
-      {options.output.has_value(), "--output"},   {options.png.has_value(), "--png"},
-      {options.error_layer, "--error-layer"},     {options.variance_layer, "--variance-layer"},
-      {options.preview.tev.has_value(), "--tev"}, {options.preview.interval.has_value(), "--preview"},
+      {options.output.has_value(), "--output"},
+      {options.png.has_value(), "--png"},
+      {options.error_layer, "--error-layer"},
+      {options.variance_layer, "--variance-layer"},
+      {options.preview.tev.has_value(), "--tev"},
+      {options.preview.interval.has_value(), "--preview"},
+      {options.denoise, "--denoise"},
   };
   for (const auto& [given, option] : needs)
     if (given) return usage_error("an output needs --wait").with_field(option);
@@ -81,6 +86,15 @@ Result<Submission> submission_of(const SubmitOptions& options) {
   return submission;
 }
 
+// A denoiser that is missing is told before the farm is asked.
+Result<std::shared_ptr<const image::Denoiser>> denoiser_of(const SubmitOptions& options) {
+  if (!options.output && !options.png)
+    return usage_error("there is no image to denoise")
+        .with_field("--denoise")
+        .with_mend("name an image: -o FILE.exr");
+  return image::Denoiser::load();
+}
+
 Result<void> add_dependencies(FarmClient& farm, const SubmitOptions& options, Submission& submission) {
   if (options.depends.empty()) return {};
   auto jobs = jobs_of_words(farm, options.depends);
@@ -90,7 +104,10 @@ Result<void> add_dependencies(FarmClient& farm, const SubmitOptions& options, Su
 }
 
 Result<int> submit_one(Context& context, const SubmitOptions& options, Submission submission) {
-  CANDELA_ASSIGN(const ImageOutput output, outputs_of(options.output, options.png, ""));
+  CANDELA_ASSIGN(ImageOutput output, outputs_of(options.output, options.png, ""));
+  if (options.denoise) {
+    CANDELA_ASSIGN(output.denoiser, denoiser_of(options));
+  }
   WaitOptions wait{options.quiet, options.json,    options.error_layer,
                    output,        options.preview, options.variance_layer};
   wait.on_end = options.on_end.value_or("");
@@ -207,6 +224,7 @@ Result<int> submit_frames(Context& context, const SubmitOptions& options, Submis
       return usage_error("all frames would be written to one file")
           .with_field(option)
           .with_mend("put {frame} into the name, such as out.{frame:4}.exr");
+  if (options.denoise) CANDELA_TRY(denoiser_of(options));
   CANDELA_ASSIGN(const SceneOptions first, scene_of_frame(options.scene, frames.front()));
   const std::string pattern = options.name.value_or(scene_name(first.scene));
   std::string group_name = group_name_of(pattern);
@@ -269,7 +287,8 @@ Result<int> submit_frames(Context& context, const SubmitOptions& options, Submis
                        {options.output,
                         options.png,
                         {.error_layer = options.error_layer, .variance_layer = options.variance_layer},
-                        options.quiet})
+                        options.quiet,
+                        options.denoise})
           : Result<int>(0);
   const int on_end = run_on_end(context, options.on_end.value_or(""), ended);
   if (!fetched.ok()) return fetched.error();
@@ -324,6 +343,8 @@ void add_submit(CLI::App& app, Context& context) {
   sub->add_flag("--error-layer", options->error_layer, "With --wait: add the layer 'error' to the EXR");
   sub->add_flag("--variance-layer", options->variance_layer,
                 "With --wait: add the layer 'variance' to the EXR");
+  sub->add_flag("--denoise", options->denoise,
+                "With --wait: add the layer 'denoised', as `candela fetch` does; a PNG shows that layer");
   add_on_end(*sub, options->on_end, "With --wait: ");
   sub->add_flag("--quiet", options->quiet, "Print no progress");
   sub->add_flag("--json", options->json, "Print JSON: with --wait the job's last status, else its id");

@@ -57,13 +57,15 @@ Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& 
   if (options.json) context.out << wire::job_json(last) << '\n';
   const bool wants_image = !options.output.exr.empty() || !options.output.png.empty();
   const auto fetch = [&]() -> Result<void> {
-    CANDELA_ASSIGN(const std::string exr, farm.fetch_image(id, {.error_layer = options.error_layer,
-                                                                .image_only = options.output.exr.empty(),
-                                                                .chain_layers = options.chain_layers,
-                                                                .estimator = options.estimator,
-                                                                .half = options.half,
-                                                                .variance_layer = options.variance_layer}));
-    return write_images(options.output, exr);
+    const ImageRequest request{.error_layer = options.error_layer,
+                               .chain_layers = options.chain_layers,
+                               .estimator = options.estimator,
+                               .half = options.half,
+                               .variance_layer = options.variance_layer};
+    CANDELA_ASSIGN(const FetchedImage fetched, fetch_for(farm, id, request, options.output));
+    CANDELA_ASSIGN(const std::string note, write_images(options.output, fetched));
+    if (!note.empty() && !options.quiet) context.err << "candela: " << note << '\n';
+    return {};
   };
   const Result<void> fetched = wants_image && last.units_merged() > 0 ? fetch() : Result<void>();
   const int on_end = run_on_end(context, options.on_end, {ended_job(last)});

@@ -145,10 +145,10 @@ Result<int> fetch_jobs(Context& context, FarmClient& farm, const std::vector<v1:
   std::size_t written = 0;
   for (std::size_t i = 0; i < all.size(); ++i) {
     const auto fetch = [&]() -> Result<void> {
-      ImageRequest request = plan.request;
-      request.image_only = outputs[i].exr.empty() && !denoiser;
-      CANDELA_ASSIGN(const std::string exr, farm.fetch_image(all[i].id(), request));
-      return write_images(outputs[i], exr);
+      CANDELA_ASSIGN(const FetchedImage fetched, fetch_for(farm, all[i].id(), plan.request, outputs[i]));
+      CANDELA_ASSIGN(const std::string note, write_images(outputs[i], fetched));
+      if (!note.empty() && !several && !plan.quiet) context.err << "candela: " << note << '\n';
+      return {};
     };
     const Result<void> done = fetch();
     if (!done.ok() && !several) return done.error();

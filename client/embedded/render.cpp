@@ -307,31 +307,36 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   // The last units may have come in after the last status.
   CANDELA_ASSIGN(v1::JobStatus last, client->get_job(id));
 
-  std::string exr;
+  FetchedImage fetched;
   if (last.units_merged() > 0) {
-    CANDELA_ASSIGN(exr, client->fetch_image(id, {.error_layer = options.error_layer,
-                                                 .image_only = output.exr.empty() && !output.denoiser,
-                                                 .chain_layers = options.chain_layers,
-                                                 .state_layers = options.layers,
-                                                 .estimator = options.estimator.value_or(""),
-                                                 .half = half,
-                                                 .variance_layer = options.variance_layer}));
+    const ImageRequest request{.error_layer = options.error_layer,
+                               .chain_layers = options.chain_layers,
+                               .state_layers = options.layers,
+                               .estimator = options.estimator.value_or(""),
+                               .half = half,
+                               .variance_layer = options.variance_layer};
+    CANDELA_ASSIGN(fetched, fetch_for(*client, id, request, output));
   }
+  const auto write = [&]() -> Result<void> {
+    CANDELA_ASSIGN(const std::string note, write_images(output, fetched));
+    if (!note.empty() && !options.quiet) context.err << "candela: " << note << '\n';
+    return {};
+  };
   const auto lost = farm->workers_lost();
   if (options.page_stay && has_ended(last) && signals.pending() == 0) {
-    if (!exr.empty()) CANDELA_TRY(write_images(output, exr));
-    context.err << fmt::format(
-                       "candela: {}; the page stays until Ctrl-C\n",
-                       exr.empty() ? std::string("there is no image") : "wrote " + summary(last, image))
+    if (!fetched.exr.empty()) CANDELA_TRY(write());
+    context.err << fmt::format("candela: {}; the page stays until Ctrl-C\n",
+                               fetched.exr.empty() ? std::string("there is no image")
+                                                   : "wrote " + summary(last, image))
                 << std::flush;
     while (!signals.wait_for(std::chrono::milliseconds(500))) {
     }
-    exr.clear();
+    fetched.exr.clear();
   }
   // Before the image is written: a checkpoint that fails again and again takes its room meanwhile.
   farm->stop();
-  if (!exr.empty()) {
-    if (auto written = write_images(output, exr); !written) {
+  if (!fetched.exr.empty()) {
+    if (auto written = write(); !written) {
       Error error = std::move(written).error();
       error.kind = ErrorKind::resource;  // the output was fit to be written before
       if (last.state() == v1::JOB_STATE_FAILED) return error;

@@ -2,17 +2,11 @@
 
 #include <dlfcn.h>
 
-#include <algorithm>
 #include <cmath>
-#include <exception>
 #include <initializer_list>
-#include <map>
-#include <new>
 #include <utility>
 
 #include "common/image/formats.h"
-#include "common/image/image.h"
-#include "common/job/aov.h"
 
 namespace candela::image {
 namespace {
@@ -124,129 +118,6 @@ Result<std::vector<float>> OpenImageDenoise::denoise(const DenoiseImages& images
   return session.filter(inputs, {"hdr", "cleanAux"});
 }
 
-// All channels of an EXR of one part, interleaved.
-struct Channels {
-  ImageSpec spec;
-  std::vector<float> values;
-};
-
-Error not_ours(const char* what) {
-  return input_error(std::string("an EXR ") + what + " cannot be written again with a layer more")
-      .with_mend("write a .png, .jpg or .tif");
-}
-
-Result<Channels> read_channels(std::string_view exr) {
-  CANDELA_ASSIGN(const auto reader, open_bytes(exr, "openexr", "memory.exr", false));
-  Channels out;
-  out.spec = reader->spec();
-  const ImageSpec& spec = out.spec;
-  if (reader->seek_part(1)) return not_ours("of several parts");
-  if (spec.deep || spec.depth > 1) return input_error("the image is not a flat picture");
-  if (spec.x != 0 || spec.y != 0 || spec.display_x != 0 || spec.display_y != 0 ||
-      spec.display_width != spec.width || spec.display_height != spec.height)
-    return not_ours("with a data window of its own");
-  if (spec.chromaticities) return not_ours("with primaries of its own");
-  const std::size_t pixels = std::size_t(spec.width) * std::size_t(spec.height);
-  out.values.resize(pixels * spec.channels.size());
-  if (!reader->read_part(0, 0, static_cast<int>(spec.channels.size()), SampleType::float32,
-                         out.values.data()))
-    return input_error("cannot read the pixels: " + one_line(reader->error()));
-  return out;
-}
-
-// The values of the channels LAYER.abc; empty if one is not there.
-std::vector<float> layer_values(const Channels& all, const std::string& layer, std::string_view letters) {
-  std::vector<std::size_t> at;
-  for (const char letter : letters) {
-    const auto& names = all.spec.channels;
-    const auto found = std::find(names.begin(), names.end(), layer + '.' + letter);
-    if (found == names.end()) return {};
-    at.push_back(static_cast<std::size_t>(found - names.begin()));
-  }
-  const std::size_t count = all.spec.channels.size(), pixels = all.values.size() / count;
-  std::vector<float> out(3 * pixels);
-  for (std::size_t i = 0; i < pixels; ++i)
-    for (std::size_t c = 0; c < 3; ++c) out[3 * i + c] = all.values[i * count + at[c]];
-  return out;
-}
-
-// The names of the layers that may have the albedo and the normals, the best first.
-struct GuideNames {
-  std::vector<std::string> albedo, normal;
-};
-GuideNames guide_names(const std::map<std::string, std::string>& texts) {
-  const auto text = texts.find("candela:aovs");
-  if (!texts.contains("candela:build_id")) return {{"albedo"}, {"normal"}};
-  GuideNames names;
-  if (text == texts.end()) return names;
-  const auto aovs = parse_aovs(text->second);
-  if (!aovs.ok()) return names;
-  for (const AovKind kind : {AovKind::sh_normal, AovKind::geo_normal})
-    for (const Aov& aov : *aovs)
-      if (aov.kind == kind) names.normal.push_back(aov.name);
-  for (const Aov& aov : *aovs)
-    if (aov.kind == AovKind::albedo) names.albedo.push_back(aov.name);
-  return names;
-}
-
-std::vector<float> first_layer(const Channels& all, const std::vector<std::string>& names,
-                               std::string_view letters) {
-  for (const std::string& name : names)
-    if (std::vector<float> values = layer_values(all, name, letters); !values.empty()) return values;
-  return {};
-}
-
-bool is_of_denoised(std::string_view channel) {
-  return channel.size() == kDenoisedLayer.size() + 2 && channel.starts_with(kDenoisedLayer) &&
-         channel[kDenoisedLayer.size()] == '.';
-}
-
-// The EXR of `all` without the layer 'denoised' that it may have, with `rgb` as that layer.
-std::string write_with_layer(const Channels& all, const std::map<std::string, std::string>& texts,
-                             const std::vector<float>& rgb) {
-  ImageSpec spec{.width = all.spec.width, .height = all.spec.height, .channels = {}, .texts = {}};
-  std::vector<std::size_t> kept;
-  for (std::size_t c = 0; c < all.spec.channels.size(); ++c) {
-    if (is_of_denoised(all.spec.channels[c])) continue;
-    kept.push_back(c);
-    spec.channels.push_back(all.spec.channels[c]);
-  }
-  for (const char letter : std::string_view("RGB"))
-    spec.channels.push_back(std::string(kDenoisedLayer) + '.' + letter);
-  spec.texts.assign(texts.begin(), texts.end());
-  const auto width = static_cast<std::size_t>(spec.width);
-  return write_exr(spec, [&](int begin, int end, void* out) {
-    auto* to = static_cast<float*>(out);
-    for (std::size_t i = static_cast<std::size_t>(begin) * width; i < static_cast<std::size_t>(end) * width;
-         ++i) {
-      const float* const from = &all.values[i * all.spec.channels.size()];
-      for (const std::size_t c : kept) *to++ = from[c];
-      to = std::copy_n(&rgb[3 * i], 3, to);
-    }
-  });
-}
-
-Result<DenoisedExr> denoise_channels(std::string_view exr, const Denoiser& denoiser) {
-  CANDELA_ASSIGN(const Image image, decode_exr(exr));
-  CANDELA_ASSIGN(const Channels all, read_channels(exr));
-  std::map<std::string, std::string> texts = image.metadata;
-  if (!texts.contains(kDenoiserAttribute) &&
-      std::any_of(all.spec.channels.begin(), all.spec.channels.end(), is_of_denoised))
-    return input_error("the image has a layer '" + std::string(kDenoisedLayer) + "' of its own")
-        .with_mend("give that layer another name");
-  const GuideNames names = guide_names(texts);
-  const std::vector<float> albedo = first_layer(all, names.albedo, "RGB");
-  const std::vector<float> normal =
-      albedo.empty() ? std::vector<float>() : first_layer(all, names.normal, "XYZ");
-  DenoisedExr out{.bytes = {}, .rgb = {}, .width = image.width, .height = image.height, .guides = {}};
-  if (!albedo.empty()) out.guides = normal.empty() ? "albedo" : "albedo, normal";
-  CANDELA_ASSIGN(out.rgb, denoiser.denoise({image.width, image.height, image.rgb, albedo, normal}));
-  texts[kDenoiserAttribute] =
-      "Open Image Denoise" + (out.guides.empty() ? std::string() : " by " + out.guides);
-  out.bytes = write_with_layer(all, texts, out.rgb);
-  return out;
-}
-
 template <class Function>
 bool find(void* library, const char* name, Function& out) {
   out = reinterpret_cast<Function>(dlsym(library, name));
@@ -282,16 +153,6 @@ Result<std::shared_ptr<const Denoiser>> Denoiser::load(std::span<const char* con
     return failed_error(std::string(name) + " is no Open Image Denoise of version 1 or 2")
         .with_mend("install one of these versions");
   return std::shared_ptr<const Denoiser>(std::make_shared<OpenImageDenoise>(api));
-}
-
-Result<DenoisedExr> denoise_exr(std::string_view exr, const Denoiser& denoiser) {
-  try {
-    return denoise_channels(exr, denoiser);
-  } catch (const std::bad_alloc&) {
-    return resource_error("the image to denoise does not fit into memory");
-  } catch (const std::exception& problem) {  // of the format library
-    return input_error("cannot read or write the image: " + one_line(problem.what()));
-  }
 }
 
 }  // namespace candela::image

@@ -19,6 +19,12 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+# A spot of Cycles has the intensity of a point lamp, times the cosine to its axis (up to Blender 3.4), times
+# smoothstep((cosine - c) / ((1 - c) blend)), where c is the cosine at its edge: kernel/light/spot.h of Cycles.
+FADING_SPOTS = bpy.app.version < (3, 5, 0)
+WIDEST_SPOT = math.radians(85)  # half of its angle: a picture that is projected onto a plane has an end
+SPOT_PIXELS = 256
+
 warned = set()
 
 
@@ -191,11 +197,38 @@ class Export:
                     f'<rgb name="intensity" value="{numbers(intensity)}"/></emitter>']
         if radius > 0:
             warn(f"lamp '{thing.name}': a spot has no size, its shadows are sharp")
-        half = math.degrees(data.spot_size) / 2
+        half = min(data.spot_size / 2, WIDEST_SPOT)
+        if data.spot_size / 2 > WIDEST_SPOT:
+            warn(f"lamp '{thing.name}': a spot is at most {number(2 * math.degrees(WIDEST_SPOT))} degrees wide")
         frame = place.normalized() @ Matrix.Rotation(math.pi, 4, "Y")
-        return ['  <emitter type="spot">', f"    {matrix(frame)}", f'    <rgb name="intensity" value="{numbers(intensity)}"/>',
-                f'    <float name="cutoff_angle" value="{number(half)}"/>',
-                f'    <float name="beam_width" value="{number(half * (1 - 0.999 * data.spot_blend))}"/>', "  </emitter>"]
+        lines = ['  <emitter type="spot">', f"    {matrix(frame)}", f'    <rgb name="intensity" value="{numbers(intensity)}"/>',
+                 *(f'    <float name="{name}" value="{number(math.degrees(half))}"/>' for name in ("cutoff_angle", "beam_width"))]
+        if FADING_SPOTS or data.spot_blend > 0:
+            lines.append(f'    <texture type="bitmap" name="texture"><string name="filename" value="{self.spot(half, data)}"/>'
+                         '<boolean name="raw" value="true"/></texture>')
+        return [*lines, "  </emitter>"]
+
+    def spot(self, half, data):
+        """The picture by which a spot fades towards its edge: of the square around the cone's circle, on a plane across its axis."""
+        key = ("spot", half, data.spot_size, data.spot_blend)
+        if key not in self.textures:
+            self.textures[key] = f"textures/{self.name('spot')}.exr"
+            place = (np.arange(SPOT_PIXELS) + 0.5) / SPOT_PIXELS * 2 - 1
+            cosine = 1 / np.sqrt(1 + (place[:, None] ** 2 + place[None, :] ** 2) * math.tan(half) ** 2)
+            light = cosine if FADING_SPOTS else np.ones_like(cosine)
+            if data.spot_blend > 0:
+                edge = math.cos(data.spot_size / 2)
+                inside = np.clip((cosine - edge) / ((1 - edge) * data.spot_blend), 0, 1)
+                light = light * inside * inside * (3 - 2 * inside)
+            pixels = np.ones((SPOT_PIXELS, SPOT_PIXELS, 4), np.float32)
+            pixels[:, :, :3] = light[:, :, None]
+            image = bpy.data.images.new("spot", SPOT_PIXELS, SPOT_PIXELS, float_buffer=True)
+            image.colorspace_settings.name = "Non-Color"
+            image.pixels.foreach_set(pixels.ravel())
+            image.filepath_raw, image.file_format = str(self.folder / self.textures[key]), "OPEN_EXR"
+            image.save()
+            bpy.data.images.remove(image)
+        return self.textures[key]
 
     @staticmethod
     def black():

@@ -2,7 +2,7 @@
 
     blender -b --factory-startup -P blender_scene.py -- FOLDER LAMP [CYCLES]
 
-LAMP: point, area, disk, spot, sun, world, environment or emission, which alone lights the scene."""
+LAMP: point, area, disk, spot, blended-spot, sun, world, environment or emission, which alone lights the scene."""
 import math
 import sys
 from pathlib import Path
@@ -74,6 +74,8 @@ elif lamp == "disk":
     add_lamp("AREA", 200, (1.5, -2.5, 3.5), (0.6, 0.35, 0), shape="DISK", size=1)
 elif lamp == "spot":
     add_lamp("SPOT", 800, (1.5, -2.5, 3.5), (0.6, 0.35, 0), spot_size=math.radians(90), spot_blend=0, shadow_soft_size=0)
+elif lamp == "blended-spot":
+    add_lamp("SPOT", 800, (1.5, -2.5, 3.5), (0.6, 0.35, 0), spot_size=math.radians(70), spot_blend=0.6, shadow_soft_size=0)
 elif lamp == "sun":
     add_lamp("SUN", 3, (0, 0, 5), (0.6, 0.35, 0), angle=0)
 elif lamp == "world":

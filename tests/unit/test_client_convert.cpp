@@ -115,8 +115,8 @@ TEST_F(Convert, RefusesOptions) {
   EXPECT_FALSE(fs::exists(png));
 }
 
-// Claim: where Open Image Denoise is not installed, convert, fetch and render say so before anything is
-// rendered or asked of a farm, and write nothing.
+// Claim: where Open Image Denoise is not installed, convert, fetch, submit and render say so before anything
+// is rendered or asked of a farm, and write nothing.
 TEST_F(Convert, SaysThatTheDenoiserIsMissing) {
   void* const there = dlopen("libOpenImageDenoise.so.2", RTLD_NOW);
   if (there != nullptr || dlopen("libOpenImageDenoise.so.1", RTLD_NOW) != nullptr)
@@ -126,6 +126,10 @@ TEST_F(Convert, SaysThatTheDenoiserIsMissing) {
   for (const std::vector<std::string>& command :
        {std::vector<std::string>{"candela", "convert", exr_, in_folder("o.png"), "--denoise"},
         {"candela", "fetch", "j1", "--master", "127.0.0.1:1", "-o", in_folder("o.exr"), "--denoise"},
+        {"candela", "submit", "deploy/none.xml", "--master", "127.0.0.1:1", "--wait", "--png",
+         in_folder("o.png"), "--denoise"},
+        {"candela", "submit", "deploy/none.{frame}.xml", "--frames", "1-2", "--master", "127.0.0.1:1",
+         "--wait", "-o", in_folder("o.{frame}.exr"), "--denoise"},
         {"candela", "render", "deploy/none.xml", "-o", in_folder("o.exr"), "--denoise", "--quiet"}}) {
     err.str("");
     EXPECT_NE(run_program(command, out, err), 0);
@@ -152,7 +156,7 @@ TEST_F(Convert, DenoisesOutputs) {
   install_denoiser();
   const auto bytes = read_file(exr_, 1 << 20);
   ImageOutput output{in_folder("o.exr"), in_folder("o.png"), *image::Denoiser::load()};
-  ASSERT_TRUE(write_images(output, *bytes).ok());
+  ASSERT_TRUE(write_images(output, {*bytes}).ok());
   EXPECT_EQ(image::read_image(output.exr)->rgb, color_);
   EXPECT_NEAR(image::read_layer(output.exr, "denoised")->rgb[0], 0.3F, 1e-6F);
   EXPECT_EQ(code_at(output.png, 0), std::lround(255 * image::linear_to_srgb(0.3F)));
@@ -161,7 +165,7 @@ TEST_F(Convert, DenoisesOutputs) {
       reinterpret_cast<void (*)(bool)>(dlsym(dlopen(FAKE_OIDN_2, RTLD_NOW), "fake_oidn_break"));
   fs::remove(output.exr);
   breaking(true);
-  const auto failed = write_images(output, *bytes);
+  const auto failed = write_images(output, {*bytes});
   breaking(false);
   ASSERT_FALSE(failed.ok());
   EXPECT_THAT(failed.error().to_string(), testing::HasSubstr("out of memory"));

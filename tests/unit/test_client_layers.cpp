@@ -1,5 +1,6 @@
 // Layers all the way: a renderer of two layers behind two workers, a master that is restarted and one that
 // dies, and the EXR at the end. Everything is real but the renderer.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -9,6 +10,7 @@
 #include <thread>
 
 #include "client/farm_client.h"
+#include "client/output.h"
 #include "common/base/files.h"
 #include "common/base/hash.h"
 #include "common/base/log.h"
@@ -108,6 +110,16 @@ film::MergedFilm expected_film() {
   return film;
 }
 
+// Keeps what it is to denoise, and changes nothing.
+class Recorder final : public image::Denoiser {
+ public:
+  Result<std::vector<float>> denoise(const image::DenoiseImages& images) const override {
+    seen.emplace_back(images.color.begin(), images.color.end());
+    return seen.back();
+  }
+  mutable std::vector<std::vector<float>> seen;
+};
+
 class LayersOverTheFarm : public testing::Test {
  protected:
   void SetUp() override {
@@ -195,6 +207,27 @@ class LayersOverTheFarm : public testing::Test {
     return folder_ / name;
   }
 
+  // Claim: a denoiser is given both halves of the image, and the image of one half when that is asked for;
+  // the note says the error.
+  void check_denoised(const std::string& id, const film::MergedFilm& expected) {
+    using Which = film::MergedFilm::Which;
+    const auto denoiser = std::make_shared<Recorder>();
+    const client::ImageOutput output{(folder_ / "denoised.exr").string(), "", denoiser};
+    const auto both = client::fetch_for(*client_, id, {}, output);
+    ASSERT_TRUE(both.ok()) << both.error().to_string();
+    const auto note = client::write_images(output, *both);
+    ASSERT_TRUE(note.ok()) << note.error().to_string();
+    EXPECT_EQ(denoiser->seen,
+              (std::vector{expected.develop(0, Which::half0), expected.develop(0, Which::half1)}));
+    EXPECT_THAT(*note, testing::StartsWith("the denoised image: relMSE about "));
+    EXPECT_EQ(image::read_image(output.exr)->rgb, expected.develop(0));
+    EXPECT_EQ(image::read_layer(output.exr, kLayers[1])->rgb, expected.develop(2));
+    denoiser->seen.clear();
+    const auto one = client::fetch_for(*client_, id, {.half = v1::FetchImageRequest::HALF_B}, output);
+    ASSERT_TRUE(one.ok() && client::write_images(output, *one).ok());
+    EXPECT_EQ(denoiser->seen, std::vector{expected.develop(0, Which::half1)});
+  }
+
   // Claim: the image of a half is the exact mean of this half's iterations, in every layer, and says so. The
   // two, weighted by their iterations, are the image. A half has no error layer.
   void check_halves(const std::string& id, const film::MergedFilm& expected) {
@@ -222,6 +255,7 @@ class LayersOverTheFarm : public testing::Test {
       ASSERT_FALSE(refused.ok());
       EXPECT_EQ(refused.error().exit_code(), 2) << refused.error().to_string();
     }
+    check_denoised(id, expected);
     const std::vector<float> image = expected.develop(0);
     for (std::size_t i = 0; i < sum.size(); ++i) ASSERT_NEAR(sum[i], static_cast<double>(image[i]), 1e-6);
   }

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <limits>
@@ -122,6 +123,107 @@ TEST_P(Denoise, RefusesWhatItWouldLose) {
   ASSERT_FALSE(own.ok());
   EXPECT_THAT(own.error().to_string(), testing::HasSubstr("a layer 'denoised' of its own"));
   EXPECT_FALSE(denoise_exr("no EXR", *fake()).ok());
+}
+
+// Claim: with halves each is denoised by itself, and the layer is their mean by iterations; the image keeps
+// its bits. Halves of other samples, and one half alone, count as absent.
+TEST_P(Denoise, PoolsDenoisedHalves) {
+  const std::map<std::string, std::string> samples = {{"candela:build_id", "b"},
+                                                      {"candela:aovs", "albedo"},
+                                                      {"candela:indices_a", "0-2"},
+                                                      {"candela:indices_b", "0"}};
+  const auto half = [&](const std::vector<float>& rgb, const char* iterations) {
+    auto texts = samples;
+    texts["candela:iterations"] = iterations;
+    return *encode_exr(2, 1, rgb, texts);
+  };
+  const std::vector<float> a = {1, 2, 3, 8, 8, 8}, b = {5, 2, 3, 0, 4, 8};
+  const Layer layers[] = {{"albedo", albedo_, {}, "RGB"}};
+  const std::string whole = exr(samples, layers);
+  const HalfExrs halves{half(a, "3"), half(b, "1")};
+  ASSERT_TRUE(*halves_are_of(whole, halves));
+  const auto out = denoise_exr(whole, *fake(), halves);
+  ASSERT_TRUE(out.ok()) << out.error().to_string();
+  std::vector<float> wanted;
+  for (std::size_t i = 0; i < a.size(); ++i) wanted.push_back(0.75F * a[i] + 0.25F * b[i] + 20 * albedo_[i]);
+  EXPECT_EQ(out->rgb, wanted);
+  const std::string path = put(out->bytes);
+  EXPECT_EQ(read_layer(path, "denoised")->rgb, wanted);
+  EXPECT_EQ(read_image(path)->rgb, color_);
+  EXPECT_EQ(read_image(path)->metadata.at("candela:denoiser"), "Open Image Denoise by albedo, halves");
+
+  auto later = samples;
+  later["candela:indices_a"] = "0-3";
+  const std::string further = exr(later, layers);
+  EXPECT_FALSE(*halves_are_of(further, halves));
+  for (const auto& [image, some] : {std::pair(further, halves), std::pair(whole, HalfExrs{halves.a, {}})}) {
+    const auto alone = denoise_exr(image, *fake(), some);
+    ASSERT_TRUE(alone.ok());
+    EXPECT_EQ(alone->rgb[0], color_[0] + 20 * albedo_[0]);
+    EXPECT_FALSE(read_image(put(alone->bytes))->metadata.contains("candela:denoised_relmse"));
+  }
+}
+
+// Blurs by the mean of the pixels within `radius`, and adds `offset`.
+class Blur final : public Denoiser {
+ public:
+  Blur(int radius, float offset) : radius_(radius), offset_(offset) {}
+  Result<std::vector<float>> denoise(const DenoiseImages& images) const override {
+    const int width = static_cast<int>(images.width), height = static_cast<int>(images.height);
+    std::vector<float> out(images.color.size());
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width; ++x)
+        for (int c = 0; c < 3; ++c) {
+          float sum = 0;
+          int count = 0;
+          for (int v = std::max(0, y - radius_); v <= std::min(height - 1, y + radius_); ++v)
+            for (int u = std::max(0, x - radius_); u <= std::min(width - 1, x + radius_); ++u, ++count)
+              sum += images.color[static_cast<std::size_t>(3 * (v * width + u) + c)];
+          out[static_cast<std::size_t>(3 * (y * width + x) + c)] = sum / static_cast<float>(count) + offset_;
+        }
+    return out;
+  }
+
+ private:
+  int radius_;
+  float offset_;
+};
+
+// Claim: the error that is estimated from the halves is that of the denoised layer, its bias included: of a
+// denoiser that does nothing, of a blur over edges, and of one that brightens; also with halves of 3 : 1. The
+// ratio has a standard deviation of at most 3.3 % here, and a mean of 0.97 to 1.
+TEST(DenoisedError, IsThatOfTheLayer) {
+  constexpr std::uint32_t size = 64;
+  std::mt19937 random(11);
+  std::vector<float> truth(size * size * 3);
+  for (std::size_t i = 0; i < truth.size(); ++i) truth[i] = (i / 3 / 8) % 2 == 0 ? 1.0F : 0.6F;
+  for (const double share : {0.5, 0.75}) {
+    std::vector<float> half[2] = {truth, truth}, whole(truth.size());
+    for (std::size_t h = 0; h < 2; ++h) {
+      std::normal_distribution<float> noise(
+          0, 0.05F / std::sqrt(static_cast<float>(h == 0 ? share : 1 - share)));
+      for (float& value : half[h]) value += noise(random);
+    }
+    for (std::size_t i = 0; i < whole.size(); ++i)
+      whole[i] = static_cast<float>(share) * half[0][i] + static_cast<float>(1 - share) * half[1][i];
+    const auto bytes = [&](const std::vector<float>& rgb, double iterations) {
+      return *encode_exr(size, size, rgb, {{"candela:iterations", std::to_string(std::lround(iterations))}});
+    };
+    const HalfExrs halves{bytes(half[0], 100 * share), bytes(half[1], 100 * (1 - share))};
+    for (const auto& [radius, offset] : {std::pair(0, 0.0F), std::pair(1, 0.0F), std::pair(2, 0.05F)}) {
+      const auto out = denoise_exr(bytes(whole, 100), Blur(radius, offset), halves);
+      ASSERT_TRUE(out.ok()) << out.error().to_string();
+      double error = 0, mean = 0;
+      for (const float value : out->rgb)
+        mean += static_cast<double>(value) / static_cast<double>(truth.size());
+      for (std::size_t i = 0; i < truth.size(); ++i) {
+        const double apart = static_cast<double>(out->rgb[i]) - static_cast<double>(truth[i]);
+        const double value = static_cast<double>(out->rgb[i]);
+        error += apart * apart / (value * value + 0.01 * mean * mean) / static_cast<double>(truth.size());
+      }
+      EXPECT_NEAR(out->relmse / error, 1, 0.15) << share << " " << radius << " " << offset;
+    }
+  }
 }
 
 // Claim: where there is no library the error says so and what to do; so it does of another library by the

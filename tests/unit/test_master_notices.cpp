@@ -156,7 +156,7 @@ TEST(Notices, AreGivenUpWhenTheyAreOld) {
 // Claim: only http and https addresses are taken, and plain HTTP to another machine is told.
 TEST(Notices, KnowTheirTargets) {
   for (const char* bad : {"", "x", "ftp://h/", "file:///etc/passwd", "https://", "http://a b/", "gopher://h",
-                          "http://h/\r\nX: y", "javascript:1"})
+                          "http://h/\r\nX: y", "javascript:1", "http:///x", "https:///render.example.org/"})
     EXPECT_FALSE(poster().check(bad).error.empty()) << bad;
   for (const char* good : {"http://127.0.0.1:1/x", "https://render.example.org/a?b=c", "http://localhost/",
                            "http://[::1]:80/", "http://127.1.2.3/"}) {

@@ -51,7 +51,10 @@ class CurlPoster final : public Poster {
   Target check(const std::string& url) const override {
     const std::unique_ptr<CURLU, Freer> parsed(curl_url());
     const bool printable = std::all_of(url.begin(), url.end(), [](char c) { return c > ' ' && c < '\x7f'; });
-    if (!parsed || !printable || curl_url_set(parsed.get(), CURLUPART_URL, url.c_str(), 0) != CURLUE_OK)
+    // libcurl takes the first part of the path for the host where that is missing.
+    const bool hostless = url.find(":///") != std::string::npos;
+    if (!parsed || !printable || hostless ||
+        curl_url_set(parsed.get(), CURLUPART_URL, url.c_str(), 0) != CURLUE_OK)
       return {"this is no URL", false};
     const std::string scheme = part_of(parsed.get(), CURLUPART_SCHEME);
     if (scheme != "http" && scheme != "https") return {"neither http:// nor https://", false};
