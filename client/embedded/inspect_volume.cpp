@@ -15,7 +15,7 @@
 #include "common/base/memory_limit.h"
 #include "common/wire/json_values.h"
 #include "worker/inspect/volume.h"
-#include "worker/loaders/vdb_output.h"
+#include "worker/loaders/volume_output.h"
 
 namespace candela::client {
 namespace {

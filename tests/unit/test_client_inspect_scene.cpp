@@ -12,7 +12,7 @@
 #include "common/image/image.h"
 #include "tests/unit/client_outcome.h"
 #include "worker/core/vec.h"
-#include "worker/loaders/vdb_output.h"
+#include "worker/loaders/volume_output.h"
 
 namespace candela::client {
 namespace {

@@ -282,11 +282,11 @@ TEST(InspectPaths, FollowsEdits) {
   const auto light = [](const PathsReport& report) { return report.selected.value * report.luminance.value; };
   const PathsReport plain = with_edits("");
   const PathsReport dim =
-      with_edits(R"({"edits": [{"name": "dim", "direction": "light", "select": "LX*X", "scale": 0.25}]})");
+      with_edits(R"({"edits": [{"name": "dim", "direction": "light", "select": "L[XV]*X", "scale": 0.25}]})");
   EXPECT_NEAR(light(dim), light(plain) / 4, 0.02 * light(plain));
   JobSettings job = job_of({}, 77);
   job.integrator = "upbp";
-  job.edits = R"({"edits": [{"name": "dim", "direction": "light", "select": "LX*X", "scale": 0.25}]})";
+  job.edits = R"({"edits": [{"name": "dim", "direction": "light", "select": "L[XV]*X", "scale": 0.25}]})";
   const test::TextFiles files({{"scene.xml", "<scene version=\"3.0.0\">" + kRich + "</scene>"}});
   EXPECT_FALSE(Session::open(files, "scene.xml", {}, job, {}, 1).ok());
 }

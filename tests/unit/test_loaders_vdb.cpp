@@ -12,6 +12,7 @@
 #include "common/rng/stream.h"
 #include "tests/unit/volume_file.h"
 #include "worker/loaders/vdb/volume_vdb.h"
+#include "worker/loaders/volume_output.h"
 
 namespace candela::loaders {
 namespace {

@@ -91,17 +91,4 @@ Result<VolumeData> load_volume(std::string_view bytes, const std::string& name, 
   return volume;
 }
 
-std::string encode_volume(const VolumeData& volume) {
-  std::string bytes = "VOL\x03";
-  const auto put = [&](auto number) { bytes.append(reinterpret_cast<const char*>(&number), sizeof number); };
-  bytes.reserve(kHeaderBytes + sizeof(float) * volume.values.size());
-  put(kFloat32);
-  for (const std::uint32_t size : volume.size) put(static_cast<std::int32_t>(size));
-  put(static_cast<std::int32_t>(volume.channels));
-  for (const Vec3 corner : {volume.low, volume.high})
-    for (const float coordinate : {corner.x, corner.y, corner.z}) put(coordinate);
-  bytes.append(reinterpret_cast<const char*>(volume.values.data()), sizeof(float) * volume.values.size());
-  return bytes;
-}
-
 }  // namespace candela::loaders

@@ -26,7 +26,4 @@ struct VolumeData {
 // `keeps_negative`: else negative values become 0.
 Result<VolumeData> load_volume(std::string_view bytes, const std::string& name, bool keeps_negative = false);
 
-// The file of that format with these values as float32.
-std::string encode_volume(const VolumeData& volume);
-
 }  // namespace candela::loaders

@@ -1,4 +1,4 @@
-// OpenVDB's files as output, whether or not Candela was built with OpenVDB.
+// Volumes as files: Mitsuba's .vol, and OpenVDB's, whether or not Candela was built with OpenVDB.
 #pragma once
 
 #include <string>
@@ -7,6 +7,9 @@
 #include "worker/loaders/volume.h"
 
 namespace candela::loaders {
+
+// A .vol file of float32 values, as load_volume() reads it.
+std::string encode_volume(const VolumeData& volume);
 
 // Fails (usage) if vdb_output() cannot work here.
 Result<void> check_vdb_output();
