@@ -60,6 +60,7 @@ void add_commands(CLI::App& app, Context& context) {
   CLI::App& inspect = *app.get_subcommand("inspect");
   add_inspect_paths(inspect, context);
   add_inspect_sphere(inspect, context);
+  add_inspect_volume(inspect, context);
   add_doctor(app, context);
   add_completion(app, context);
   add_version(app, context);

@@ -19,6 +19,7 @@ void add_check(CLI::App& app, Context& context);
 // These add subcommands to the command `inspect`.
 void add_inspect_paths(CLI::App& inspect, Context& context);
 void add_inspect_sphere(CLI::App& inspect, Context& context);
+void add_inspect_volume(CLI::App& inspect, Context& context);
 
 // What the linked renderer says of itself.
 RendererFacts renderer_facts();

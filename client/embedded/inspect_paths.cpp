@@ -31,7 +31,7 @@ struct PathsOptions {
   bool json = false;
 };
 
-constexpr std::uint64_t kSamples = 200'000, kLeastSpp = 16, kMostSpp = 1u << 30;
+constexpr std::uint64_t kMostSpp = 1u << 30;
 constexpr std::uint64_t kMostRows = 256, kMostKept = 65536;
 constexpr std::size_t kPathsInJson = 8;  // of a group
 
@@ -64,20 +64,6 @@ Result<PathsRequest> request_of(const PathsOptions& options) {
     CANDELA_ASSIGN(request.spp, parse_count(*options.spp, "--spp", 1, kMostSpp));
   }
   return request;
-}
-
-Result<std::optional<inspect::PixelRect>> rect_of(const PathsOptions& options) {
-  if (!options.pixels) return std::optional<inspect::PixelRect>();
-  CANDELA_ASSIGN(const std::vector<double> n, parse_numbers(*options.pixels, "--pixels", 4, 0, 1e6));
-  for (const double v : n)
-    if (v != std::floor(v)) return usage_error(fmt::format("{} is no pixel", v)).with_field("--pixels");
-  const auto at = [&](std::size_t i) { return static_cast<std::uint32_t>(n[i]); };
-  const inspect::PixelRect rect{at(0), at(1), at(2), at(3)};
-  if (rect.x0 > rect.x1 || rect.y0 > rect.y1)
-    return usage_error("the rectangle is empty")
-        .with_field("--pixels")
-        .with_mend("give the upper left corner first, then the lower right one");
-  return std::optional(rect);
 }
 
 std::string object_text(const inspect::KeyPath& path, const inspect::Session& session) {
@@ -181,22 +167,13 @@ void print_report(std::ostream& out, const PathsReport& report, const PathsReque
                        "(other)");
 }
 
-Result<void> fit(std::optional<inspect::PixelRect> rect, const OpenedScene& opened, PathsRequest& request) {
-  const JobSettings& job = opened.session->settings();
-  if (rect && (rect->x1 >= job.width || rect->y1 >= job.height))
-    return usage_error(fmt::format("pixel {},{} is not on the film of {}x{}", rect->x1, rect->y1, job.width,
-                                   job.height))
-        .with_field("--pixels");
-  request.pixels = rect.value_or(inspect::PixelRect{0, 0, job.width - 1, job.height - 1});
-  request.spot = opened.spot;
-  request.threads = opened.threads;
-  return {};
-}
-
 Result<int> run_paths(Context& context, const PathsOptions& options) {
   CANDELA_TRY(check_outputs(options));
   CANDELA_ASSIGN(PathsRequest request, request_of(options));
-  CANDELA_ASSIGN(const std::optional<inspect::PixelRect> rect, rect_of(options));
+  std::optional<inspect::PixelRect> rect;
+  if (options.pixels) {
+    CANDELA_ASSIGN(rect, parse_pixel_rect(*options.pixels, "--pixels"));
+  }
   const bool has_spot =
       std::any_of(options.inspect.regions.begin(), options.inspect.regions.end(),
                   [](const std::string& text) { return text.find('=') == std::string::npos; });
@@ -206,8 +183,10 @@ Result<int> run_paths(Context& context, const PathsOptions& options) {
         .with_mend("give --pixels X0,Y0,X1,Y1, or --region box:x0,y0,z0,x1,y1,z1 or sphere:x,y,z,radius");
   CANDELA_ASSIGN(const OpenedScene opened, open_for_inspection(context, options.inspect, "bdpt"));
   if (options.overlay) CANDELA_TRY(check_projection(opened, "--overlay"));
-  CANDELA_TRY(fit(rect, opened, request));
-  if (!options.spp) request.spp = std::max(kLeastSpp, kSamples / request.pixels.count());
+  CANDELA_ASSIGN(request.pixels, pixels_on_film(rect, opened, "--pixels"));
+  request.spot = opened.spot;
+  request.threads = opened.threads;
+  if (!options.spp) request.spp = usual_spp(request.pixels);
   const inspect::Session& session = *opened.session;
   CANDELA_ASSIGN(const PathsReport report, inspect::inspect_paths(session, request));
   const std::string json =

@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <thread>
 
 #include "client/values.h"
@@ -63,6 +64,12 @@ void add_inspect_options(CLI::App& app, InspectOptions& options) {
   add_text(app, "--seed", scene.seed, "Seed; default: that of the scene's sampler, else 0", "N");
   add_text(app, "--size", scene.size,
            "Size of the image in pixels; default: the scene's film, or its crop window", "WxH");
+  add_text(
+      app, "--crop", scene.crop,
+      "Take this part of the image for the film: left, top, width and height in pixels of the whole image",
+      "X,Y,W,H");
+  add_text(app, "--edits", scene.edits,
+           "Edit how light travels, as a file of JSON says; none: no edits (the default)", "FILE");
   add_text(app, "--threads", options.threads, "Threads; default: one for each core", "N");
   add_text(app, "--scene-memory", scene.scene_memory,
            "Maximum memory for reading the scene, such as 500M or 20G; default: half of the memory", "SIZE");
@@ -106,6 +113,41 @@ Result<void> check_projection(const OpenedScene& scene, const std::string& optio
   return usage_error(fmt::format("the scene's sensor '{}' has no picture of the scene", scene.sensor))
       .with_field(option)
       .with_mend("use a scene with a perspective, thinlens or orthographic sensor");
+}
+
+Result<void> check_no_spot(const OpenedScene& scene) {
+  if (!scene.spot) return {};
+  return usage_error("a region without a name selects nothing here")
+      .with_field("--region")
+      .with_mend("name it, NAME=..., and write @NAME in --select");
+}
+
+Result<inspect::PixelRect> parse_pixel_rect(const std::string& text, const std::string& option) {
+  CANDELA_ASSIGN(const std::vector<double> n, parse_numbers(text, option, 4, 0, 1e6));
+  for (const double v : n)
+    if (v != std::floor(v)) return usage_error(fmt::format("{} is no pixel", v)).with_field(option);
+  const auto at = [&](std::size_t i) { return static_cast<std::uint32_t>(n[i]); };
+  const inspect::PixelRect rect{at(0), at(1), at(2), at(3)};
+  if (rect.x0 > rect.x1 || rect.y0 > rect.y1)
+    return usage_error("the rectangle is empty")
+        .with_field(option)
+        .with_mend("give the upper left corner first, then the lower right one");
+  return rect;
+}
+
+Result<inspect::PixelRect> pixels_on_film(const std::optional<inspect::PixelRect>& rect,
+                                          const OpenedScene& scene, const std::string& option) {
+  const JobSettings& job = scene.session->settings();
+  if (rect && (rect->x1 >= job.width || rect->y1 >= job.height))
+    return usage_error(fmt::format("pixel {},{} is not on the film of {}x{}", rect->x1, rect->y1, job.width,
+                                   job.height))
+        .with_field(option);
+  return rect.value_or(inspect::PixelRect{0, 0, job.width - 1, job.height - 1});
+}
+
+std::uint64_t usual_spp(const inspect::PixelRect& pixels) {
+  constexpr std::uint64_t samples = 200'000, fewest = 16;
+  return std::max(fewest, samples / pixels.count());
 }
 
 Result<std::vector<double>> parse_numbers(const std::string& text, const std::string& option,

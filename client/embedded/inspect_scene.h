@@ -1,4 +1,4 @@
-// What `candela inspect paths` and `candela inspect sphere` share: options of the scene, numbers as typed,
+// Shared parts of `candela inspect paths`, `sphere` and `volume`: options of the scene, numbers as typed,
 // and the scene built for inspection on this machine.
 #pragma once
 
@@ -19,7 +19,7 @@ struct InspectOptions {
   std::vector<std::string> regions;  // NAME=box:..., NAME=sphere:..., or one without a name
 };
 
-// SCENE, -D, --lenient, --set, --seed, --size, --filter, --select, --glossy-below, --threads, ...
+// SCENE, -D, --lenient, --set, --seed, --size, --crop, --edits, --select, --glossy-below, --threads, ...
 void add_inspect_options(CLI::App& app, InspectOptions& options);
 
 struct OpenedScene {
@@ -33,6 +33,17 @@ Result<OpenedScene> open_for_inspection(Context& context, const InspectOptions& 
                                         const std::string& integrator);
 // Fails (usage) if the sensor has no picture that points of the scene have places in.
 Result<void> check_projection(const OpenedScene& scene, const std::string& option);
+
+// Fails (usage) if there is a region without a name.
+Result<void> check_no_spot(const OpenedScene& scene);
+
+// "X0,Y0,X1,Y1", both corners included.
+Result<inspect::PixelRect> parse_pixel_rect(const std::string& text, const std::string& option);
+// The rectangle, or else the film. Fails (usage) if it is not on the film.
+Result<inspect::PixelRect> pixels_on_film(const std::optional<inspect::PixelRect>& rect,
+                                          const OpenedScene& scene, const std::string& option);
+// Samples per pixel if nobody gives them.
+std::uint64_t usual_spp(const inspect::PixelRect& pixels);
 
 // "1,2,3": `count` finite numbers in [least, most].
 Result<std::vector<double>> parse_numbers(const std::string& text, const std::string& option,

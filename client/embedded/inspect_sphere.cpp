@@ -149,10 +149,7 @@ void print(Context& context, const SphereOptions& options, const RadianceMap& ma
 Result<int> run_sphere(Context& context, const SphereOptions& options) {
   CANDELA_ASSIGN(Choice choice, choose(options));
   CANDELA_ASSIGN(const OpenedScene opened, open_for_inspection(context, options.inspect, "path"));
-  if (opened.spot)
-    return usage_error("a region without a name selects nothing here")
-        .with_field("--region")
-        .with_mend("name it, NAME=..., and write @NAME in --select");
+  CANDELA_TRY(check_no_spot(opened));
   const inspect::Session& session = *opened.session;
   MapRequest& request = choice.request;
   CANDELA_ASSIGN(request.probe, probe_of(choice, options, opened));

@@ -69,6 +69,10 @@ const std::map<std::string_view, std::vector<std::string_view>>& examples() {
       {"inspect sphere",
        {"candela inspect sphere scene.xml --at 0,1,0 -o around.exr --png around.png --log",
         "candela inspect sphere scene.xml --pixel 200,150 --disc --lobe lobe.ply"}},
+      {"inspect volume",
+       {"candela inspect volume scene.xml --box -1,0,-1,1,2,1 -o light.vdb --png light.png --log",
+        "candela inspect volume scene.xml --box -1,0,-1,1,2,1 --select 'LS+DE' --slices caustic.png --axis "
+        "y"}},
       {"doctor", {"candela doctor --master farm:7070 --data /var/lib/candela"}},
       {"completion",
        {"candela completion bash > ~/.local/share/bash-completion/completions/candela",

@@ -11,6 +11,8 @@
 #include "common/base/files.h"
 #include "common/image/image.h"
 #include "tests/unit/client_outcome.h"
+#include "worker/core/vec.h"
+#include "worker/loaders/volume_output.h"
 
 namespace candela::client {
 namespace {
@@ -241,6 +243,10 @@ TEST_F(InspectScene, RefusesWhatCannotBe) {
       {{"sphere", file, "--pixel", "0,0", "-o", exr}, "sees no surface"},
       {{"sphere", meter, "--pixel", "0,0", "-o", exr}, "irradiancemeter"},
       {{"sphere", fog, "--at", "0,0,0", "-o", exr}, "another medium"},
+      {{"paths", file, "--pixels", "0,0,8,3", "--crop", "4,4,8,8"}, "pixel 8,3 is not on the film of 8x8"},
+      {{"paths", file, "--pixels", "0,0,1,1", "--crop", "20,4,8,8"}, "are not within the image's 24 x 16"},
+      {{"paths", file, "--pixels", "0,0,1,1", "--edits", "{\"edits\": [{}]}"}, "--edits"},
+      {{"sphere", file, "--at", "0,1,0", "--edits", in_folder("no.json"), "-o", exr}, "no.json"},
   };
   for (const auto& [arguments, expected] : cases) {
     const Outcome done = run(arguments);
@@ -250,6 +256,151 @@ TEST_F(InspectScene, RefusesWhatCannotBe) {
   }
   EXPECT_FALSE(std::filesystem::exists(exr));
   EXPECT_FALSE(std::filesystem::exists(png));
+}
+
+// Claim: --crop is a render's: its pixels are those of the whole image.
+TEST_F(InspectScene, Crops) {
+  const std::string lamp =
+      R"(<emitter type="point"><point name="position" x="-1.5" y="1" z="0.5"/><rgb name="intensity" value="4"/></emitter>)";
+  const std::string file = scene(std::string(kSensor) + kFloor + lamp);
+  const auto luminance = [&](std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {"paths", file, "--spp", "256", "--json", "--set", "max_depth=2"});
+    const Outcome done = run(arguments);
+    EXPECT_EQ(done.code, 0) << done.err;
+    const json said = json::parse(done.out);
+    return std::pair(said["luminance"].get<double>(), said["luminance_error"].get<double>());
+  };
+  const auto [whole, whole_error] = luminance({"--pixels", "3,6,10,11"});
+  const auto [crop, crop_error] = luminance({"--crop", "2,5,12,9", "--pixels", "1,1,8,6"});
+  EXPECT_NEAR(whole, crop, 5 * std::hypot(whole_error, crop_error));
+  EXPECT_LT(std::hypot(whole_error, crop_error), 0.02 * whole);
+}
+
+// Claim: with an edit the sphere and the paths show other light, that of a render with the edit.
+TEST_F(InspectScene, Edits) {
+  const std::string file = scene(std::string(kSensor) + kFloor + kSky);
+  const std::string edits =
+      R"({"edits": [{"name": "dim", "direction": "eye", "select": "X{floor}X*E", "scale": 0.5}]})";
+  const auto map = [&](const std::string& text) {
+    const Outcome done = run({"sphere", file, "--at", "0,1,0", "--map-size", "8x8", "--spp", "64", "--edits",
+                              text, "-o", in_folder("map.exr")});
+    EXPECT_EQ(done.code, 0) << done.err;
+    return read_map(in_folder("map.exr"));
+  };
+  const Map plain = map("none"), edited = map(edits);
+  EXPECT_EQ(edited.green(2, 1), 1.0f);
+  EXPECT_NEAR(plain.green(2, 7), 0.5, 0.05);
+  EXPECT_NEAR(edited.green(2, 7), 0.25, 0.03);
+}
+
+// Claim: the grid is written as .vol and as OpenVDB, with pictures, and what is said of it is true of the
+// files; neither threads nor a second run change a byte.
+TEST_F(InspectScene, WritesAVolume) {
+  const std::string file = scene(std::string(kSensor) + kFloor + kSky);
+  const bool writes_vdb = loaders::check_vdb_output().ok();
+  const auto write = [&](const std::string& name, const std::string& threads) {
+    std::vector<std::string> arguments = {"volume",       file,
+                                          "--box",        "-2,0,-1,2,1,1",
+                                          "--resolution", "8,4,2",
+                                          "--spp",        "16",
+                                          "--threads",    threads,
+                                          "-o",           in_folder(name + ".vol"),
+                                          "--png",        in_folder(name + ".png"),
+                                          "--slices",     in_folder(name + ".s.png"),
+                                          "--axis",       "y",
+                                          "--log",        "--json",
+                                          "--set",        "max_depth=3"};
+    const Outcome done = run(arguments);
+    EXPECT_EQ(done.code, 0) << done.err;
+    if (writes_vdb) {
+      arguments[11] = in_folder(name + ".vdb");
+      EXPECT_EQ(run(arguments).out, done.out);
+    }
+    return done;
+  };
+  const Outcome one = write("one", "1");
+  EXPECT_EQ(write("two", "3").out, one.out);
+  for (const char* ending : {".vol", ".png", ".s.png"})
+    EXPECT_TRUE(bytes(in_folder(std::string("one") + ending)) ==
+                bytes(in_folder(std::string("two") + ending)))
+        << ending;
+  if (writes_vdb) {
+    EXPECT_TRUE(bytes(in_folder("one.vdb")) == bytes(in_folder("two.vdb")));
+    EXPECT_TRUE(bytes(in_folder("one.vdb")).starts_with(" BDV"));
+  }
+  const auto volume = loaders::load_volume(bytes(in_folder("one.vol")), "one.vol");
+  ASSERT_TRUE(volume.ok());
+  EXPECT_EQ(volume->size, (std::array<std::uint32_t, 3>{8, 4, 2}));
+  EXPECT_EQ(volume->channels, 3u);
+  EXPECT_EQ(volume->low, Vec3(-2, 0, -1));
+  EXPECT_EQ(volume->high, Vec3(2, 1, 1));
+  float largest = 0;
+  for (std::size_t i = 0; i < volume->values.size(); i += 3) {
+    EXPECT_GT(volume->values[i], 0) << i << ": light of the sky crosses all of the box";
+    EXPECT_NEAR(volume->values[i + 2], 4 * volume->values[i], 1e-4f * volume->values[i + 2]);
+    largest = std::max(largest, luminance({volume->values[i], volume->values[i + 1], volume->values[i + 2]}));
+  }
+  const json said = json::parse(one.out);
+  EXPECT_NEAR(said["maximum_luminance"].get<double>(), static_cast<double>(largest), 1e-6);
+  EXPECT_GT(said["crossing"][1].get<double>(), 0);
+  EXPECT_LT(said["crossing"][1].get<double>(), said["mean"][1].get<double>());
+  const auto picture = image::read_image(in_folder("one.png"));
+  ASSERT_TRUE(picture.ok());
+  EXPECT_GE(picture->width, 480u);
+  const Outcome none = run({"volume", file, "--box", "90,90,90,91,91,91", "--spp", "1", "--select", "LSE",
+                            "-o", in_folder("none.vol")});
+  EXPECT_EQ(none.code, 0) << none.err;
+  EXPECT_NE(none.out.find("no light of this kind crosses the box"), std::string::npos) << none.out;
+}
+
+// Claim: boxes and resolutions that cannot be are refused in one line before the scene is read, memory that
+// there is not before it is taken, and odd boxes that can be are rendered.
+TEST_F(InspectScene, BoundsVolumes) {
+  const std::string file = scene(std::string(kSensor) + kFloor + kSky), vol = in_folder("x.vol");
+  const std::vector<std::tuple<std::string, std::string, std::string, int>> cases = {
+      {"0,0,0,0,1,1", "4", "is empty", 2},
+      {"1,0,0,0,1,1", "4", "lower corner first", 2},
+      {"0,0,0,1,1,nan", "4", "--box", 2},
+      {"0,0,0,1,1,inf", "4", "--box", 2},
+      {"0,0,0,1,1", "4", "has 5 numbers, not 6", 2},
+      {"1,1,1,1.00000001,2,2", "4", "is empty", 2},
+      {"0,0,0,1,1,1", "0", "--resolution", 2},
+      {"0,0,0,1,1,1", "-3", "--resolution", 2},
+      {"0,0,0,1,1,1", "1000000000", "--resolution", 2},
+      {"0,0,0,1,1,1", "4,4", "has 2 numbers, not 1 or 3", 2},
+      {"0,0,0,1,1,1", "4,,4", "--resolution", 2},
+      {"0,0,0,1,1,1", "65536", "more than half of the memory", 4},
+  };
+  for (const auto& [box, resolution, expected, code] : cases) {
+    const Outcome done =
+        run({"volume", in_folder("none.xml"), "--box", box, "--resolution", resolution, "-o", vol});
+    EXPECT_NE(done.code, 0) << box << ' ' << resolution;
+    EXPECT_NE(done.err.find(expected), std::string::npos) << expected << '\n' << done.err;
+    EXPECT_EQ(std::count(done.err.begin(), done.err.end(), '\n'), 1) << done.err;
+    if (code == 2) EXPECT_EQ(done.code, 2) << done.err;
+  }
+  const std::vector<std::pair<std::vector<std::string>, std::string>> others = {
+      {{"volume", file, "--box", "0,0,0,1,1,1"}, "no output is given"},
+      {{"volume", file, "--box", "0,0,0,1,1,1", "-o", in_folder("x.exr")}, "does not end in .vol or .vdb"},
+      {{"volume", file, "--box", "0,0,0,1,1,1", "-o", vol, "--axis", "w"}, "--axis"},
+      {{"volume", file, "--box", "0,0,0,1,1,1", "-o", vol, "--pixels", "0,0,24,1"}, "is not on the film"},
+      {{"volume", file, "--box", "0,0,0,1,1,1", "-o", vol, "--region", "sphere:0,0,0,1"}, "--region"},
+  };
+  for (const auto& [arguments, expected] : others) {
+    const Outcome done = run(arguments);
+    EXPECT_EQ(done.code, 2) << expected << '\n' << done.err;
+    EXPECT_NE(done.err.find(expected), std::string::npos) << expected << '\n' << done.err;
+  }
+  EXPECT_FALSE(std::filesystem::exists(vol));
+  // Around the eye, of very different edges, as large as can be, far away, and flat on the floor.
+  for (const char* box : {"-1,2,5,1,4,7", "-1e-6,0,-1,1e-6,1,1", "-1e30,-1e30,-1e30,1e30,1e30,1e30",
+                          "1e20,0,0,1.1e20,1,1", "-1,-1e-30,-1,1,1e-30,1", "-1e-18,0,-1e18,1e-18,1,1e18"}) {
+    const Outcome done =
+        run({"volume", file, "--box", box, "--resolution", "3,2,4", "--spp", "2", "-o", vol, "--png",
+             in_folder("x.png"), "--slices", in_folder("s.png"), "--eye-edges", "--log"});
+    EXPECT_TRUE(done.code == 0 || done.err.find("too large to store") != std::string::npos)
+        << box << done.err;
+  }
 }
 
 }  // namespace

@@ -268,6 +268,29 @@ TEST(InspectPaths, DoNotDependOnThreads) {
   EXPECT_LE(paths, 20u + one.groups.size());
 }
 
+// Claim: edits act as in a render: a floor that sends a quarter of the lamp's light has a quarter, and light
+// that is moved has the luminance of the renderer's image.
+TEST(InspectPaths, FollowsEdits) {
+  const auto with_edits = [](const std::string& edits) {
+    JobSettings job = job_of({{"max_depth", "3"}}, 77);
+    job.edits = edits;
+    const test::TextFiles files({{"scene.xml", "<scene version=\"3.0.0\">" + kRich + "</scene>"}});
+    auto session = Session::open(files, "scene.xml", {}, job, {"LDRE|LGRE", {}}, 1);
+    if (!session.ok()) throw std::runtime_error(session.error().to_string());
+    return inspect_of(**session, whole(64));
+  };
+  const auto light = [](const PathsReport& report) { return report.selected.value * report.luminance.value; };
+  const PathsReport plain = with_edits("");
+  const PathsReport dim =
+      with_edits(R"({"edits": [{"name": "dim", "direction": "light", "select": "L[XV]*X", "scale": 0.25}]})");
+  EXPECT_NEAR(light(dim), light(plain) / 4, 0.02 * light(plain));
+  JobSettings job = job_of({}, 77);
+  job.integrator = "upbp";
+  job.edits = R"({"edits": [{"name": "dim", "direction": "light", "select": "L[XV]*X", "scale": 0.25}]})";
+  const test::TextFiles files({{"scene.xml", "<scene version=\"3.0.0\">" + kRich + "</scene>"}});
+  EXPECT_FALSE(Session::open(files, "scene.xml", {}, job, {}, 1).ok());
+}
+
 RecordedPath path_of(std::size_t bounces) {
   RecordedPath path(bounces + 2);
   path.front().letter.fill(letters::Letter::lamp);

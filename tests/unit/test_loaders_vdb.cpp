@@ -12,6 +12,7 @@
 #include "common/rng/stream.h"
 #include "tests/unit/volume_file.h"
 #include "worker/loaders/vdb/volume_vdb.h"
+#include "worker/loaders/volume_output.h"
 
 namespace candela::loaders {
 namespace {
@@ -89,6 +90,34 @@ TEST(LoadersVdb, AgreesWithVol) {
     expect_same(load(vdb_file({doubles}, compression)), expected);
     expect_same(load(vdb_file({halves}, compression)), expected);
   }
+}
+
+// Claim: a volume that is written is read again, with its place, its colors and their luminance; zeros at its
+// rim do not shrink it, and equal volumes have equal bytes.
+TEST(LoadersVdb, WritesWhatItReads) {
+  VolumeData volume;
+  volume.size = {9, 4, 5};
+  volume.channels = 3;
+  volume.low = {-2, 1, 0.5f};
+  volume.high = {7, 3, 10.5f};
+  for (std::size_t i = 0; i < std::size_t{9} * 4 * 5 * 3; ++i)
+    volume.values.push_back(i % 5 == 0 && i > 20 && i < 500 ? static_cast<float>(i) : 0.0f);
+  const auto bytes = encode_vdb(volume);
+  ASSERT_TRUE(bytes.ok()) << bytes.error().to_string();
+  const auto color = load(*bytes, "color", true);
+  expect_same(color, volume);
+  EXPECT_EQ(color->low, volume.low);
+  EXPECT_EQ(color->high, volume.high);
+  const auto density = load(*bytes);
+  ASSERT_TRUE(density.ok()) << density.error().to_string();
+  EXPECT_EQ(density->channels, 1u);
+  ASSERT_EQ(density->values.size() * 3, volume.values.size());
+  for (std::size_t i = 0; i < density->values.size(); ++i)
+    EXPECT_EQ(density->values[i],
+              luminance({volume.values[3 * i], volume.values[3 * i + 1], volume.values[3 * i + 2]}));
+  EXPECT_EQ(*bytes, *encode_vdb(volume));
+  const std::string plain = encode_volume(volume);
+  expect_same(load_volume(plain, "v.vol"), volume);
 }
 
 // Claim: vectors give three channels; inactive voxels the background, whatever they store; tiles count.

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "common/rng/stream.h"
+#include "worker/inspect/path_selection.h"
 #include "worker/transport/letters/vertex_letter.h"
 
 namespace candela::inspect {
@@ -53,19 +54,6 @@ Token token_of(char32_t code) {
           object == 0 ? letters::kNoObject : object - 1};
 }
 
-bool PathSums::selected(const RecordedPath& path, std::size_t channel) const {
-  if (!session_.selects()) return true;
-  const letters::Automaton& automaton = session_.automaton();
-  letters::Automaton::State state = automaton.forward_start();
-  for (std::size_t i = 0; i + 1 < path.size(); ++i) {
-    const PathVertex& v = path[i];
-    const std::uint32_t regions = i == 0 ? 0 : session_.regions_at(v.p);
-    state =
-        automaton.forward(state, automaton.class_of(v.letter[channel], v.side, v.object[channel], regions));
-  }
-  return !automaton.layers(automaton.label(state, automaton.reverse_start())).empty();
-}
-
 PathString PathSums::string_of(const RecordedPath& path, std::size_t channel) const {
   PathString string;
   string.reserve(path.size());
@@ -101,7 +89,7 @@ void PathSums::add(const RecordedPath& path, Spectrum value, std::uint64_t key) 
 }
 
 void PathSums::add_part(const RecordedPath& path, Spectrum value, std::size_t channel, std::uint64_t key) {
-  if (value.is_black() || !selected(path, channel)) return;
+  if (value.is_black() || !is_selected(session_, path, channel)) return;
   const double light = luminance_of(value), weight = std::abs(light);
   const bool too_long = path.size() > rules_.max_vertices;
   const PathString string = too_long ? PathString() : string_of(path, channel);

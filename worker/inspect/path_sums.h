@@ -54,15 +54,15 @@ struct SumRules {
   std::size_t keep = 64;                // key paths
 };
 
-class PathSums {
+class PathSums final : public PathConsumer {
  public:
   PathSums(const Session& session, const SumRules& rules, std::size_t batches)
       : session_(session), rules_(rules), totals_(batches) {
     other_.batches.resize(batches);
   }
 
-  // value: added to the sum over pixels and samples. Contributions count in batch 0 until merge().
-  void add(const RecordedPath& path, Spectrum value, std::uint64_t key);
+  // Contributions count in batch 0 until merge().
+  void add(const RecordedPath& path, Spectrum value, std::uint64_t key) override;
   // Adds sums of one batch.
   void merge(PathSums&& part, std::size_t batch);
 
@@ -74,7 +74,6 @@ class PathSums {
   const std::vector<KeyPath>& kept() const { return kept_; }  // in no order
 
  private:
-  bool selected(const RecordedPath& path, std::size_t channel) const;
   PathString string_of(const RecordedPath& path, std::size_t channel) const;
   void add_part(const RecordedPath& path, Spectrum value, std::size_t channel, std::uint64_t key);
   void keep(KeyPath&& path);

@@ -5,117 +5,36 @@
 #include <limits>
 #include <utility>
 
-#include "worker/estimators/bidirectional.h"
 #include "worker/inspect/parallel.h"
 #include "worker/inspect/path_groups.h"
-#include "worker/inspect/recording_sink.h"
-#include "worker/integrators/bdpt/settings.h"
-#include "worker/integrators/bidirectional/plan.h"
+#include "worker/inspect/path_sampling.h"
 
 namespace candela::inspect {
 namespace {
 
-// One form for all scenes.
-struct RecordingConfig {
-  static constexpr transport::Between kBetween = transport::Between::media;
-  static constexpr bool kLists = false;
-  using Mis = transport::Balance;
-  using Sampler = samplers::Sampler;
-  using Sink = RecordingSink;
-  using Choice = estimators::EveryTechnique;
-};
-
-constexpr std::uint64_t kBatches = 32, kSamplesPerTask = 8192;
-
-// Sample i is of batch i mod count. A task is a stretch of the pixels, row by row, in one batch.
-struct Tasks {
-  std::uint64_t batches, pixels_each, stretches;
-
-  Tasks(std::uint64_t pixels, std::uint64_t spp) : batches(std::min(kBatches, spp)) {
-    const std::uint64_t samples = (spp + batches - 1) / batches;
-    pixels_each = std::clamp<std::uint64_t>(kSamplesPerTask / samples, 1, pixels);
-    stretches = (pixels + pixels_each - 1) / pixels_each;
-  }
-  std::uint64_t count() const { return batches * stretches; }
-};
-
 class PathsRun {
  public:
-  PathsRun(const Session& session, const PathsRequest& request, const integrators::BdptSettings& settings)
-      : session_(session),
-        request_(request),
-        tasks_(request.pixels.count(), request.spp),
-        options_(settings.common.path_options()) {
-    scene::SceneFeatures features = session.scene().features();
-    features.reads_letters = true;
-    techniques_ =
-        integrators::bidirectional::plan(options_, features, settings.common.full_plan()).techniques;
+  PathsRun(const Session& session, const PathsRequest& request, const PathSampling& sampling)
+      : session_(session), request_(request), sampling_(sampling) {
     rules_.by_object = request.by_object;
     rules_.spot = request.spot;
     rules_.keep = request.keep;
   }
 
   PathsReport run() const {
-    PathSums all(session_, rules_, tasks_.batches);
+    PathSums all(session_, rules_, sampling_.batches());
     for_each_in_order(
-        tasks_.count(), request_.threads, [&](std::uint64_t task) { return sums_of(task); },
-        [&](std::uint64_t task, PathSums&& part) { all.merge(std::move(part), task % tasks_.batches); });
+        sampling_.task_count(), request_.threads,
+        [&](std::uint64_t task) {
+          PathSums sums(session_, rules_, 1);
+          sampling_.run(task, sums);
+          return sums;
+        },
+        [&](std::uint64_t task, PathSums&& part) { all.merge(std::move(part), sampling_.batch_of(task)); });
     return report(all);
   }
 
  private:
-  PathSums sums_of(std::uint64_t task) const {
-    const JobSettings& job = session_.settings();
-    const PixelRect& rect = request_.pixels;
-    PathSums sums(session_, rules_, 1);
-    // A path from the eye and one from the light for each sample of these pixels; the density of eye paths is
-    // that over the film.
-    const auto light_paths = static_cast<double>(rect.count());
-    const estimators::PathCounts counts{static_cast<double>(job.width) * job.height, light_paths,
-                                        static_cast<float>(session_.filter().radius())};
-    film::Tallies tallies;
-    RecordingSink sink(session_, rect, light_paths, sums);
-    estimators::Bidirectional<RecordingConfig> estimator(session_.scene(), options_, techniques_, counts,
-                                                         sink, tallies);
-    // Samples of a sequence are not independent, which the errors need.
-    samplers::Sampler eye(samplers::SamplerKind::independent, job.seed),
-        light(samplers::SamplerKind::independent, job.seed);
-    const std::uint64_t first = task / tasks_.batches * tasks_.pixels_each,
-                        last = std::min(first + tasks_.pixels_each, rect.count());
-    const std::uint64_t width = std::uint64_t{rect.x1} - rect.x0 + 1;
-    for (std::uint64_t pixel = first; pixel < last; ++pixel) {
-      const auto x = static_cast<std::uint32_t>(rect.x0 + pixel % width),
-                 y = static_cast<std::uint32_t>(rect.y0 + pixel / width);
-      for (std::uint64_t i = task % tasks_.batches; i < request_.spp; i += tasks_.batches) {
-        if (techniques_.light_paths) {
-          light.start_light(0, i, std::uint64_t{y} * job.width + x);
-          estimator.trace_light(light);
-        }
-        trace_eye(x, y, i, eye, sink, estimator);
-      }
-    }
-    return sums;
-  }
-
-  template <class Estimator>
-  void trace_eye(std::uint32_t x, std::uint32_t y, std::uint64_t index, samplers::Sampler& sampler,
-                 RecordingSink& sink, Estimator& estimator) const {
-    sampler.start(0, index, x, y);
-    sampler.set_dimension(0);
-    float filter_weight = 1, response = 1;
-    const Vec2 offset = session_.filter().sample(sampler.next_2d(), filter_weight);
-    const scene::Scene& scene = session_.scene();
-    const Ray ray =
-        scene.camera_ray(static_cast<float>(x) + 0.5f + offset.x, static_cast<float>(y) + 0.5f + offset.y,
-                         scene.reads_lens() ? sampler.next_2d() : Vec2{0.5f, 0.5f}, response);
-    sink.start_eye(ray, filter_weight * response, sampler.sample_key());
-    estimator.trace_eye(ray, sampler);
-  }
-
-  std::uint64_t samples_in(std::size_t batch) const {
-    return (request_.spp - batch + tasks_.batches - 1) / tasks_.batches;
-  }
-
   // The share of a sum's luminance in that of all light.
   Estimate share(const std::vector<double>& batches, const std::vector<double>& totals) const {
     double part = 0, total = 0;
@@ -144,7 +63,7 @@ class PathsRun {
     if (n < 2) return {mean, std::numeric_limits<double>::quiet_NaN()};
     double squares = 0;
     for (std::size_t b = 0; b < n; ++b) {
-      const auto samples = static_cast<double>(samples_in(b));
+      const auto samples = static_cast<double>(sampling_.samples_in(b));
       const double residual = totals[b] - mean * pixels * samples;
       squares += residual * residual;
     }
@@ -197,19 +116,15 @@ class PathsRun {
 
   const Session& session_;
   const PathsRequest& request_;
-  const Tasks tasks_;
-  const estimators::PathOptions options_;
-  estimators::Techniques techniques_;
+  const PathSampling& sampling_;
   SumRules rules_;
 };
 
 }  // namespace
 
 Result<PathsReport> inspect_paths(const Session& session, const PathsRequest& request) {
-  CANDELA_ASSIGN(
-      const integrators::BdptSettings settings,
-      integrators::parse_settings<integrators::BdptSettings>(session.settings().integrator_settings));
-  return PathsRun(session, request, settings).run();
+  CANDELA_ASSIGN(const PathSampling sampling, PathSampling::create(session, request.pixels, request.spp));
+  return PathsRun(session, request, sampling).run();
 }
 
 }  // namespace candela::inspect

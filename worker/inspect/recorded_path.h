@@ -26,4 +26,12 @@ struct PathVertex {
 // From the light to the eye.
 using RecordedPath = std::vector<PathVertex>;
 
+// Takes the paths that are found.
+class PathConsumer {
+ public:
+  virtual ~PathConsumer() = default;
+  // value: added to the sum over pixels and samples. key: names the contribution among all of a run.
+  virtual void add(const RecordedPath& path, Spectrum value, std::uint64_t key) = 0;
+};
+
 }  // namespace candela::inspect

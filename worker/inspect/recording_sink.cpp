@@ -18,13 +18,13 @@ constexpr std::uint64_t kLetters = 0x696e7370656374ULL;  // "inspect"
 }  // namespace
 
 RecordingSink::RecordingSink(const Session& session, const PixelRect& pixels, double light_paths,
-                             PathSums& sums)
+                             PathConsumer& paths)
     : session_(session),
       scene_(session.scene()),
       pixels_(pixels),
       each_light_path_(static_cast<float>(1 / light_paths)),
       chooses_emitter_(transport::reads_emitter_choice(scene_)),
-      sums_(sums) {}
+      paths_(paths) {}
 
 Vec3 RecordingSink::eye_of(const Ray& ray) const {
   return ray.origin - ray.direction * static_cast<float>(scene_.near_distance(ray));
@@ -158,7 +158,7 @@ void RecordingSink::finish(Vec3 eye, Spectrum value) {
     const float reach = std::max(scene_.features().radius, 1e-3f) * 2;
     path_.front().p = path_[1].p + path_.front().p * reach;
   }
-  sums_.add(path_, value, next_key());
+  paths_.add(path_, value, next_key());
 }
 
 }  // namespace candela::inspect

@@ -1,12 +1,11 @@
 // The sink of Bidirectional (estimators/bidirectional.h) that turns each contribution into a path with its
-// vertices, and adds it to the sums.
+// vertices, for a consumer.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
 #include "worker/estimators/bidirectional.h"
-#include "worker/inspect/path_sums.h"
 #include "worker/inspect/recorded_path.h"
 #include "worker/inspect/session.h"
 #include "worker/samplers/sampler.h"
@@ -21,7 +20,7 @@ class RecordingSink {
   using Vertex = transport::Vertex<transport::Balance::Block>;
 
   // light_paths: traced for a sample of each pixel of `pixels`.
-  RecordingSink(const Session& session, const PixelRect& pixels, double light_paths, PathSums& sums);
+  RecordingSink(const Session& session, const PixelRect& pixels, double light_paths, PathConsumer& paths);
 
   // An eye ray of this weight is next.
   void start_eye(const Ray& ray, float weight, std::uint64_t key);
@@ -66,7 +65,7 @@ class RecordingSink {
   const PixelRect pixels_;
   const float each_light_path_;
   const bool chooses_emitter_;
-  PathSums& sums_;
+  PathConsumer& paths_;
   scene::EmissionSample origin_;
   Vec3 eye_;
   float ray_weight_ = 1, filters_ = 0;

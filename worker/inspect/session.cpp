@@ -8,6 +8,8 @@
 #include "common/description/reading.h"
 #include "common/description/reading_budget.h"
 #include "common/description/unpacked_files.h"
+#include "common/edits/edits.h"
+#include "worker/scene/edits/edit_request.h"
 #include "worker/scene/objects.h"
 #include "worker/transport/letters/vertex_letter.h"
 
@@ -60,11 +62,19 @@ Result<std::unique_ptr<Session>> Session::open(const description::FileSource& fi
   options.build_threads = threads;
   options.film_width = settings.width;
   options.film_height = settings.height;
+  options.crop = settings.crop;
   options.named = true;
+  description::LetterObjects described = description::letter_objects(*scene_file.description.scene);
+  scene::EditRequest edits;
+  CANDELA_ASSIGN(edits.list, edits::parse_edits(settings.edits));
+  CANDELA_TRY(edits::check_integrator(edits.list, settings.integrator,
+                                      edits::max_depth_of(settings.integrator_settings)));
+  edits.names = described.names;
+  edits.uses = described.uses;
+  options.edits = &edits;
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene,
                  scene::Scene::build(scene_file.description, unpacked, options));
   // An expression may name what the scene left out, such as a black lamp.
-  description::LetterObjects described = description::letter_objects(*scene_file.description.scene);
   std::vector<letters::ObjectNames> names = scene->objects().names;
   std::vector<std::uint8_t> uses = scene->objects().uses;
   names.insert(names.end(), described.names.begin(), described.names.end());

@@ -30,8 +30,8 @@ struct Selection {
 
 class Session {
  public:
-  // Reads and builds the scene as render::Renderer::create() does. Errors are those of the scene's files and
-  // of the expression.
+  // Reads and builds the scene as render::Renderer::create() does, with the crop and the edits of the
+  // settings. Errors are those of the scene's files, of the expression and of the edits.
   static Result<std::unique_ptr<Session>> open(const description::FileSource& files,
                                                const std::string& main_key,
                                                const std::map<std::string, std::string>& parameters,

@@ -32,9 +32,16 @@ struct VdbChoice {
 // grid, which trusts them. An error in there is caught; a crash would not be.
 Result<VolumeData> load_vdb(std::string_view bytes, const std::string& name, const VdbChoice& choice);
 
+// A file with a grid `density` of floats, the luminance, and for three channels a grid `color` of float
+// vectors. Cells of value 0 are not active, but for the two at the corners of the box, which the box of
+// active voxels then is. Equal volumes give equal bytes.
+Result<std::string> encode_vdb(const VolumeData& volume);
+
 }  // namespace candela::loaders
 
 // The same in the module of OpenVDB's files (base/module.h).
 extern "C" void candela_load_vdb_1(std::string_view bytes, const std::string& name,
                                    const candela::loaders::VdbChoice& choice,
                                    candela::Result<candela::loaders::VolumeData>& volume);
+extern "C" void candela_save_vdb_1(const candela::loaders::VolumeData& volume,
+                                   candela::Result<std::string>& bytes);

@@ -1,0 +1,260 @@
+// candela inspect volume: the light of the image in space, on a grid.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <ostream>
+
+#include "client/embedded/commands.h"
+#include "client/embedded/inspect_scene.h"
+#include "client/embedded/volume_figures.h"
+#include "client/output.h"
+#include "client/values.h"
+#include "common/base/files.h"
+#include "common/base/memory_limit.h"
+#include "common/wire/json_values.h"
+#include "worker/inspect/volume.h"
+#include "worker/loaders/volume_output.h"
+
+namespace candela::client {
+namespace {
+
+using inspect::CellGrid;
+using inspect::VolumeReport;
+using inspect::VolumeRequest;
+using wire::Json;
+
+struct VolumeOptions {
+  InspectOptions inspect;
+  std::optional<std::string> box, resolution, pixels, spp, output, png, slices, axis, map;
+  bool eye_edges = false, logarithmic = false, json = false;
+};
+
+// The options that can be read without the scene.
+struct Choice {
+  VolumeRequest request;
+  std::optional<inspect::PixelRect> pixels;
+  VolumePictures pictures;
+  bool vdb = false;
+};
+
+constexpr double kFarthest = 1e30;
+constexpr std::uint64_t kMostCells = 65536;  // along an axis
+constexpr std::uint64_t kUsualCells = 64;
+
+Result<void> choose_box(const VolumeOptions& options, CellGrid& grid) {
+  CANDELA_ASSIGN(const std::vector<double> n, parse_numbers(*options.box, "--box", 6, -kFarthest, kFarthest));
+  grid.low = {n[0], n[1], n[2]};
+  grid.high = {n[3], n[4], n[5]};
+  const Vec3 low(grid.low), high(grid.high);  // as files have them
+  if (!(low.x < high.x) || !(low.y < high.y) || !(low.z < high.z))
+    return usage_error(fmt::format("the box '{}' is empty", printable(*options.box)))
+        .with_field("--box")
+        .with_mend("give the lower corner first, then a higher one: x0,y0,z0,x1,y1,z1");
+  return {};
+}
+
+Result<void> choose_resolution(const VolumeOptions& options, CellGrid& grid) {
+  const std::string text = options.resolution.value_or(std::to_string(kUsualCells));
+  std::vector<std::uint64_t> counts;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find(',', begin), text.size());
+    CANDELA_ASSIGN(const std::uint64_t count,
+                   parse_count(text.substr(begin, end - begin), "--resolution", 1, kMostCells));
+    counts.push_back(count);
+    begin = end + 1;
+  }
+  if (counts.size() != 1 && counts.size() != 3)
+    return usage_error(fmt::format("'{}' has {} numbers, not 1 or 3", printable(text), counts.size()))
+        .with_field("--resolution")
+        .with_mend("give the cells along the longest edge, or nx,ny,nz");
+  const Vec3d edges = grid.high - grid.low;
+  const double longest = std::max({edges.x, edges.y, edges.z});
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double share = edges[static_cast<int>(a)] / longest * static_cast<double>(counts[0]);
+    grid.size[a] = counts.size() == 3 ? static_cast<std::uint32_t>(counts[a])
+                                      : static_cast<std::uint32_t>(std::max(1.0, std::round(share)));
+  }
+  const std::uint64_t bytes = inspect::volume_bytes(grid), most = memory_limit_bytes() / 2;
+  if (bytes > most)
+    return resource_error(fmt::format("a grid of {}x{}x{} cells takes {}, more than half of the memory, {}",
+                                      grid.size[0], grid.size[1], grid.size[2], format_bytes(bytes),
+                                      format_bytes(most)))
+        .with_field("--resolution")
+        .with_mend("give fewer cells");
+  return {};
+}
+
+Result<void> choose_outputs(const VolumeOptions& options, Choice& choice) {
+  if (!options.output && !options.png && !options.slices)
+    return usage_error("no output is given")
+        .with_field("--output")
+        .with_mend("give -o FILE.vol, -o FILE.vdb, --png FILE.png or --slices FILE.png");
+  if (options.output) {
+    choice.vdb = options.output->ends_with(".vdb");
+    if (!choice.vdb && !options.output->ends_with(".vol"))
+      return usage_error(fmt::format("{}: the name does not end in .vol or .vdb", printable(*options.output)))
+          .with_field("--output");
+    CANDELA_TRY(check_output_path(*options.output, choice.vdb ? ".vdb" : ".vol", "--output"));
+    if (choice.vdb)
+      if (auto able = loaders::check_vdb_output(); !able.ok())
+        return std::move(able).error().with_field("--output");
+  }
+  if (options.png) CANDELA_TRY(check_output_path(*options.png, ".png", "--png"));
+  if (options.slices) CANDELA_TRY(check_output_path(*options.slices, ".png", "--slices"));
+  return {};
+}
+
+Result<Choice> choose(const VolumeOptions& options) {
+  Choice choice;
+  CANDELA_TRY(choose_box(options, choice.request.grid));
+  CANDELA_TRY(choose_resolution(options, choice.request.grid));
+  CANDELA_TRY(choose_outputs(options, choice));
+  if (options.pixels) {
+    CANDELA_ASSIGN(choice.pixels, parse_pixel_rect(*options.pixels, "--pixels"));
+  }
+  if (options.spp) {
+    CANDELA_ASSIGN(choice.request.spp, parse_count(*options.spp, "--spp", 1, 1u << 30));
+  }
+  if (options.axis) {
+    constexpr std::array<std::string_view, 3> axes = {"x", "y", "z"};
+    CANDELA_ASSIGN(const std::string name, parse_choice(*options.axis, "--axis", axes));
+    choice.pictures.axis = static_cast<std::size_t>(name[0] - 'x');
+  }
+  if (options.map) {
+    CANDELA_ASSIGN(const std::string name, parse_choice(*options.map, "--map", image::kColorMapNames));
+    choice.pictures.map = *image::color_map_of(name);
+  }
+  choice.pictures.logarithmic = options.logarithmic;
+  choice.request.eye_edges = options.eye_edges;
+  return choice;
+}
+
+double luminance_of(Vec3d v) {
+  return 0.212671 * v.x + 0.715160 * v.y + 0.072169 * v.z;
+}
+
+double largest_luminance(const loaders::VolumeData& data) {
+  float largest = 0;
+  for (std::size_t i = 0; i < data.values.size(); i += 3)
+    largest = std::max(largest, luminance({data.values[i], data.values[i + 1], data.values[i + 2]}));
+  return static_cast<double>(largest);
+}
+
+void print(Context& context, const VolumeOptions& options, const VolumeRequest& request,
+           const VolumeReport& report, const loaders::VolumeData& data) {
+  const CellGrid& grid = request.grid;
+  const auto color = [](Vec3d v) { return Json::array({v.x, v.y, v.z}); };
+  const double mean = luminance_of(report.mean), crossing = luminance_of(report.crossing);
+  if (options.json) {
+    const inspect::PixelRect& r = request.pixels;
+    const Json json = {{"box", {color(grid.low), color(grid.high)}},
+                       {"resolution", grid.size},
+                       {"pixels", {r.x0, r.y0, r.x1, r.y1}},
+                       {"spp", request.spp},
+                       {"select", options.inspect.select ? Json(*options.inspect.select) : Json(nullptr)},
+                       {"mean", color(report.mean)},
+                       {"crossing", color(report.crossing)},
+                       {"contributions", report.paths},
+                       {"maximum_luminance", largest_luminance(data)},
+                       {"not_finite", report.not_finite},
+                       {"too_large", report.too_large}};
+    context.out << wire::json_text(json) << '\n';
+    return;
+  }
+  if (report.paths == 0) {
+    context.out << "no light of this kind crosses the box\n";
+    return;
+  }
+  context.out << fmt::format(
+      "{}x{}x{} cells: {:.1f} % of the light of the pixels crosses the box, in {} contributions; largest "
+      "luminance of a cell {:.4g}",
+      grid.size[0], grid.size[1], grid.size[2], mean > 0 ? 100 * crossing / mean : 0.0, report.paths,
+      largest_luminance(data));
+  if (report.not_finite > 0) context.out << fmt::format("; {} contributions not finite", report.not_finite);
+  if (report.too_large > 0) context.out << fmt::format("; {} contributions too large", report.too_large);
+  context.out << '\n';
+}
+
+Result<void> write_figure(const std::string& file, const image::Figure& figure) {
+  CANDELA_ASSIGN(const std::string png, image::encode_png(figure.canvas));
+  return write_file_atomically(file, png);
+}
+
+Result<int> run_volume(Context& context, const VolumeOptions& options) {
+  CANDELA_ASSIGN(Choice choice, choose(options));
+  CANDELA_ASSIGN(const OpenedScene opened, open_for_inspection(context, options.inspect, "bdpt"));
+  CANDELA_TRY(check_no_spot(opened));
+  VolumeRequest& request = choice.request;
+  CANDELA_ASSIGN(request.pixels, pixels_on_film(choice.pixels, opened, "--pixels"));
+  if (!options.spp) request.spp = usual_spp(request.pixels);
+  request.threads = opened.threads;
+  CANDELA_ASSIGN(VolumeReport report, inspect::inspect_volume(*opened.session, request));
+  auto made = inspect::volume_data(request, report);
+  if (!made.ok()) return std::move(made).error();
+  const loaders::VolumeData& data = *made;
+  return within_memory("the grid cannot be written", [&]() -> Result<int> {
+    if (options.output) {
+      std::string bytes;
+      if (choice.vdb) {
+        CANDELA_ASSIGN(bytes, loaders::vdb_output(data));
+      } else {
+        bytes = loaders::encode_volume(data);
+      }
+      CANDELA_TRY(write_file_atomically(*options.output, bytes));
+    }
+    if (options.png) CANDELA_TRY(write_figure(*options.png, draw_projection(data, choice.pictures)));
+    if (options.slices) CANDELA_TRY(write_figure(*options.slices, draw_slices(data, choice.pictures)));
+    print(context, options, request, report, data);
+    return 0;
+  });
+}
+
+}  // namespace
+
+void add_inspect_volume(CLI::App& inspect, Context& context) {
+  auto options = std::make_shared<VolumeOptions>();
+  CLI::App* sub = inspect.add_subcommand("volume",
+                                         "Show the light of the image in space: paths of bidirectional path "
+                                         "tracing on this machine, by the cells "
+                                         "of a box that they cross");
+  add_inspect_options(*sub, options->inspect);
+  sub->add_option("--box", options->box, "Two corners of the box, in the coordinates of the scene")
+      ->required()
+      ->type_name("x0,y0,z0,x1,y1,z1");
+  add_text(*sub, "--resolution", options->resolution,
+           "Cells along the longest edge of the box (default 64), or along x, y and z", "N|nx,ny,nz");
+  add_text(*sub, "--pixels", options->pixels,
+           "Take the light of these pixels alone: a rectangle, both corners included", "X0,Y0,X1,Y1");
+  add_texts(*sub, "--region", options->inspect.regions,
+            "Name a region for @NAME in --select: NAME=box:x0,y0,z0,x1,y1,z1 or NAME=sphere:x,y,z,radius; "
+            "may be repeated",
+            "REGION");
+  add_text(*sub, "--spp", options->spp,
+           "Samples per pixel; default: 200000 over all pixels, and at least 16 per pixel", "N");
+  sub->add_flag("--eye-edges", options->eye_edges,
+                "Count the last edge of each path, to the eye, as well: all that the camera sees crosses it");
+  add_text(
+      *sub, "-o,--output", options->output,
+      "Write the grid: Mitsuba's .vol with three channels, or OpenVDB with the grids density (luminance) "
+      "and color",
+      "FILE.vol|FILE.vdb");
+  add_text(*sub, "--png", options->png, "Write the mean along --axis through a color map, with a scale",
+           "FILE.png");
+  add_text(*sub, "--slices", options->slices,
+           "Write up to 16 slices across --axis through a color map, with a scale", "FILE.png");
+  add_text(
+      *sub, "--axis", options->axis,
+      "Axis that pictures look along: z (default; x to the right, y up), y (x to the right, z down) or x "
+      "(z to the right, y up)",
+      "AXIS");
+  add_text(*sub, "--map", options->map, "Color map: viridis (default), turbo, grey or heat", "MAP");
+  sub->add_flag("--log", options->logarithmic, "Use a logarithmic scale");
+  sub->add_flag("--json", options->json, "Print JSON");
+  sub->callback([&context, options] {
+    context.command = [&context, options] { return run_volume(context, *options); };
+  });
+}
+
+}  // namespace candela::client

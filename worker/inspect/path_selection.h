@@ -1,0 +1,14 @@
+// The paths that the light path expression of a session selects.
+#pragma once
+
+#include <cstddef>
+
+#include "worker/inspect/recorded_path.h"
+#include "worker/inspect/session.h"
+
+namespace candela::inspect {
+
+// Whether the light of one color channel (0 to 2) is selected.
+bool is_selected(const Session& session, const RecordedPath& path, std::size_t channel);
+
+}  // namespace candela::inspect
