@@ -193,7 +193,8 @@ class SimpleSurfaces final : public Surfaces {
  public:
   explicit SimpleSurfaces(std::vector<SimpleSurface> list) : list_(std::move(list)) {}
 
-  bool meet(std::size_t i, Vec3d from, Vec3d towards, ChainVertex& out) const override {
+  bool meet(std::size_t i, const ChainVertex& start, Vec3d towards, ChainVertex& out) const override {
+    const Vec3d from = start.x;
     const SimpleSurface& surface = list_[i - 1];
     const Vec3d d = normalize(towards - from);
     if (!surface.round) {

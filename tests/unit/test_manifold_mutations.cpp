@@ -232,7 +232,8 @@ class Roof final : public Surfaces {
   static std::size_t facet_of(double x) {
     return static_cast<std::size_t>(std::clamp((x + 1.2) / 0.3, 0.0, 7.999999));
   }
-  bool meet(std::size_t /*i*/, Vec3d from, Vec3d towards, ChainVertex& out) const override {
+  bool meet(std::size_t /*i*/, const ChainVertex& start, Vec3d towards, ChainVertex& out) const override {
+    const Vec3d from = start.x;
     const Vec3d d = normalize(towards - from);
     double nearest = HUGE_VAL;
     ChainVertex found;

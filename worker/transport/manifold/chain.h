@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "worker/core/vec.h"
+#include "worker/scene/points/canonical_point.h"
 #include "worker/transport/manifold/mat2.h"
 
 namespace candela::transport::manifold {
@@ -21,6 +22,9 @@ struct ChainVertex {
   Vec3d n_u, n_v;  // derivatives of n along them
   double eta = 1;  // index on the side of the next vertex over that on the side of the one before
   Scatter scatter = Scatter::end;
+  // For the scene that the vertex is in: its name, and how far off the surface a ray has to start.
+  scene::CanonicalPoint point;
+  double error = 0;
 };
 
 // The end towards the light. point: its cosine does not count. direction: x is the unit direction to the

@@ -11,11 +11,11 @@ class Surfaces {
  public:
   virtual ~Surfaces() = default;
 
-  // The first surface that a ray from `from` through `towards` meets, as the place of inner vertex i: `out`
-  // has the vertex as it is now, whose surface's material the new one must have, and gets its place, normals
-  // and tangents. False: the ray meets nothing, or another material, or a normal without derivatives.
-  // The same arguments give the same bits.
-  virtual bool meet(std::size_t i, Vec3d from, Vec3d towards, ChainVertex& out) const = 0;
+  // The first surface that a ray from the vertex `from` through `towards` meets, as the place of inner vertex
+  // i: `out` has that vertex as it is now, whose surface's material the new one must have, and gets its
+  // place, normals and tangents. False: the ray meets nothing, or another material, or a normal without
+  // derivatives. The same arguments give the same bits.
+  virtual bool meet(std::size_t i, const ChainVertex& from, Vec3d towards, ChainVertex& out) const = 0;
 };
 
 }  // namespace candela::transport::manifold

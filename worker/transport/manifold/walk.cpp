@@ -39,7 +39,7 @@ bool project(Chain& chain, std::span<const Vec3d> predicted, bool from_sensor, c
   const std::size_t count = chain.inner_count();
   for (std::size_t step = 1; step <= count; ++step) {
     const std::size_t i = from_sensor ? count + 1 - step : step;
-    const Vec3d from = chain.vertices[from_sensor ? i + 1 : i - 1].x;
+    const ChainVertex& from = chain.vertices[from_sensor ? i + 1 : i - 1];
     if (!surfaces.meet(i, from, predicted[i - 1], chain.vertices[i])) return false;
   }
   return true;
