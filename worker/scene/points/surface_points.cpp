@@ -21,6 +21,50 @@ std::optional<CanonicalPoint> SurfacePoints::intersect(const Ray& ray, Vec3d ori
   return point;
 }
 
+std::optional<CanonicalPoint> SurfacePoints::of(const SurfaceHit& hit) const {
+  const ShapeRecord& shape = geometry_.shapes[hit.shape];
+  CanonicalPoint point;
+  const auto name = [&](PrimitiveKind kind, std::uint32_t primitive) {
+    point.kind = static_cast<std::uint8_t>(kind);
+    point.primitive = primitive;
+  };
+  if (shape.sphere != kNone)
+    name(PrimitiveKind::sphere, shape.sphere);
+  else if (shape.disk != kNone)
+    name(PrimitiveKind::disk, shape.disk);
+  else if (shape.cylinder != kNone)
+    name(PrimitiveKind::cylinder, shape.cylinder);
+  else if (hit.primitive != kNone)
+    name(PrimitiveKind::triangle, hit.primitive);
+  else
+    return std::nullopt;
+  const Vec3d p(hit.p);
+  const auto is_in = [&](const Group& group) {
+    const Group::Range range = group.primitives[point.kind];
+    return point.primitive >= range.first && point.primitive - range.first < range.count;
+  };
+  if (is_in(geometry_.groups[0])) {
+    set_place(geometry_, p, point);
+    return point;
+  }
+  // Hits do not name their instance: it is the one whose surface goes through p.
+  std::optional<CanonicalPoint> best;
+  double nearest = 16 * static_cast<double>(hit.error);
+  for (std::uint32_t i = 0; i < geometry_.instances.size(); ++i) {
+    const Instance& instance = geometry_.instances[i];
+    if (!is_in(geometry_.groups[instance.group])) continue;
+    const Vec3d pad{nearest, nearest, nearest};
+    if (!overlap(instance.bounds, Bounds{p - pad, p + pad})) continue;
+    point.instance = i;
+    set_place(geometry_, p, point);
+    const double distance = length(surface_geometry(geometry_, point).p - p);
+    if (!(distance < nearest)) continue;
+    nearest = distance;
+    best = point;
+  }
+  return best;
+}
+
 SurfaceGeometry SurfacePoints::at(const CanonicalPoint& point) const {
   SurfaceGeometry out = surface_geometry(geometry_, point);
   const std::uint32_t bsdf = geometry_.shapes[shape_of(geometry_, point)].bsdf;

@@ -26,6 +26,9 @@ class SurfacePoints {
     return intersect(ray, Vec3d(ray.origin), Vec3d(ray.direction));
   }
 
+  // The point of a hit, as near as it says. Nothing: no instance of its shape is there.
+  std::optional<CanonicalPoint> of(const SurfaceHit& hit) const;
+
   SurfaceGeometry at(const CanonicalPoint& point) const;
   // What a ray that meets the point finds. Its distance is 0.
   SurfaceHit hit(const CanonicalPoint& point) const;
