@@ -11,6 +11,7 @@
 #include "common/base/log.h"
 #include "common/base/work_monitor.h"
 #include "common/description/color.h"
+#include "worker/scene/points/surface_points.h"
 #include "worker/scene/scene_builder.h"
 
 namespace candela::scene {
@@ -19,6 +20,7 @@ struct Scene::Impl : SceneData {
   std::uint32_t outer_medium = kNone;    // of the space around all surfaces
   bool camera_in_several_media = false;  // or it may be: each ray finds out
   Vec3d offset;
+  std::optional<SurfacePoints> points;
 };
 
 namespace {
@@ -147,6 +149,9 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
     return std::move(built).error().at(root.where.file, root.where.line);
   CANDELA_ASSIGN(Accel accel, std::move(built));
   impl.accel = std::make_unique<Accel>(std::move(accel));
+  std::vector<bool> turned;
+  for (const Bsdf& bsdf : impl.bsdfs) turned.push_back(bsdf.facts().perturbs);
+  impl.points.emplace(impl.geometry, *impl.accel, std::move(turned));
   scene->find_media(static_cast<float>(options.film_width), static_cast<float>(options.film_height));
   return scene;
 }
@@ -401,6 +406,10 @@ const SceneObjects& Scene::objects() const {
 
 const SceneFeatures& Scene::features() const {
   return impl_->features;
+}
+
+const SurfacePoints& Scene::points() const {
+  return *impl_->points;
 }
 
 void* Scene::embree_scene() const {

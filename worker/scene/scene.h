@@ -20,6 +20,7 @@
 namespace candela::scene {
 
 class Lights;
+class SurfacePoints;
 struct Placement;
 struct SceneObjects;
 struct EditRequest;
@@ -148,6 +149,9 @@ class Scene {
   // A point of this scene and this vector make the point in the coordinates of the scene's file: a scene far
   // from the origin is moved to its own middle.
   Vec3d offset() const;
+
+  // Points of its surfaces in double, with derivatives (points/surface_points.h).
+  const SurfacePoints& points() const;
 
   // Embree's own scene (an RTCScene), for measurements beside it.
   void* embree_scene() const;

@@ -141,6 +141,14 @@ std::uint32_t sides(const EditedClosure& e, bool of_delta) {
   return of_delta || e.nested->scatters_through() || !(e.ng == Vec3{0, 0, 1}) ? 2 : 1;
 }
 
+// A walk tosses the coin: on one side at least it does.
+bool tosses(const EditedClosure& e, TransportMode mode) {
+  bool tossed = false;
+  for (std::uint32_t side = 0; side < sides(e, false) && !e.nested->purely_delta(); ++side)
+    tossed |= tosses(mode, parts_of(e, side == 1));
+  return tossed;
+}
+
 // Calls visit(edits against the walk), once for each different set of them.
 template <class Visit>
 void for_each_against(const EditedClosure& e, TransportMode mode, const Visit& visit) {
@@ -299,10 +307,7 @@ Spectrum eval_diffuse(const EditedClosure& e, Vec3 wo, Vec3 wi, TransportMode mo
 
 bool sample(const EditedClosure& e, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out) {
   bool second = false;
-  bool tossed = false;
-  for (std::uint32_t side = 0; side < sides(e, false) && !e.nested->purely_delta(); ++side)
-    tossed |= tosses(mode, parts_of(e, side == 1));
-  if (tossed) {
+  if (tosses(e, mode)) {
     second = u_lobe >= 0.5f;
     u_lobe = second ? 2 * u_lobe - 1 : 2 * u_lobe;
   }
@@ -339,6 +344,19 @@ bool sample(const EditedClosure& e, Vec3 wo, float u_lobe, Vec2 u, TransportMode
 
 Spectrum straight(const EditedClosure& e, Vec3 wo) {
   return e.nested->straight(wo);
+}
+
+void delta_choices(const EditedClosure& e, Vec3 wo, TransportMode mode, LobeRange range, LobeChoices& out) {
+  // A toss between parts doubles the ranges of delta lobes: those after heads are all.
+  if (tosses(e, mode)) range = range.part(0, 0.5);
+  const double count = alternatives(e, mode, wo);
+  double before = 0;
+  for_each_against(e, mode, [&](std::uint16_t bits) {
+    Branches branches;
+    undo(e, bits, wo, branches);
+    for (std::uint32_t b = 0; b < branches.count; ++b, ++before)
+      delta_choices(*e.nested, branches.at[b].w, mode, range.part(before / count, (before + 1) / count), out);
+  });
 }
 
 Result<void> EditedSurface::build(const description::Object& object, const BuildContext& /*context*/) {

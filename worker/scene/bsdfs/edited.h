@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "worker/scene/bsdf.h"
+#include "worker/scene/bsdfs/delta_lobes.h"
 #include "worker/scene/bsdfs/surface.h"
 #include "worker/scene/edits/direction_map.h"
 #include "worker/scene/hit.h"
@@ -74,6 +75,7 @@ Spectrum eval_pdf(const EditedClosure& e, Vec3 wo, Vec3 wi, TransportMode mode, 
 Spectrum eval_diffuse(const EditedClosure& e, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below);
 bool sample(const EditedClosure& e, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
 Spectrum straight(const EditedClosure& e, Vec3 wo);
+void delta_choices(const EditedClosure& e, Vec3 wo, TransportMode mode, LobeRange range, LobeChoices& out);
 
 struct EditedSurface {
   using ClosureType = EditedClosure;

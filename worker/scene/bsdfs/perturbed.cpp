@@ -159,6 +159,18 @@ Spectrum straight(const PerturbedClosure& p, Vec3 wo) {
   return agrees(p, wo, mirror) ? p.nested->straight(to_turned(p, wo, mirror)) : Spectrum();
 }
 
+void delta_choices(const PerturbedClosure& p, Vec3 wo, TransportMode mode, LobeRange range,
+                   LobeChoices& out) {
+  const auto within_frame = [&](bool mirror, LobeRange part) {
+    if (agrees(p, wo, mirror)) delta_choices(*p.nested, to_turned(p, wo, mirror), mode, part, out);
+  };
+  if (mode == TransportMode::radiance) return within_frame(mirrors(p, wo), range);
+  if (!p.flips || !agrees(p, wo, false) || !agrees(p, wo, true))
+    return within_frame(p.flips && agrees(p, wo, true), range);
+  within_frame(true, range.part(0, 0.5));
+  within_frame(false, range.part(0.5, 1));
+}
+
 Result<void> PerturbedSurface::build(const description::Object& object, const BuildContext& context) {
   CANDELA_ASSIGN(const auto children, nested_bsdfs(object, 1, 1));
   CANDELA_ASSIGN(nested, Bsdf::build_part(*children[0], context));

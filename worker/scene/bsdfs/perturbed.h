@@ -21,6 +21,7 @@
 #include <string_view>
 
 #include "worker/scene/bsdf.h"
+#include "worker/scene/bsdfs/delta_lobes.h"
 #include "worker/scene/bsdfs/surface.h"
 #include "worker/scene/hit.h"
 
@@ -41,6 +42,7 @@ Spectrum eval_pdf(const PerturbedClosure& p, Vec3 wo, Vec3 wi, TransportMode mod
 Spectrum eval_diffuse(const PerturbedClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below);
 bool sample(const PerturbedClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
 Spectrum straight(const PerturbedClosure& p, Vec3 wo);
+void delta_choices(const PerturbedClosure& p, Vec3 wo, TransportMode mode, LobeRange range, LobeChoices& out);
 
 // Bump and normal maps as in Mitsuba 3.
 struct PerturbedSurface {

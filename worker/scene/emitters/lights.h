@@ -81,6 +81,15 @@ class Lights {
   float prob(Vec3 reference, Vec3 front, std::uint32_t emitter,
              LightTechnique technique = LightTechnique::adapted) const;
 
+  // Light from this emitter, whose choice is left out of all densities. Of an emitter that is met by no ray
+  // (point, spot, directional) there is but one sample.
+  DirectOutcome sample_emitter(std::uint32_t emitter, const SurfaceHit& reference, Vec3 front,
+                               DirectSample& out) const {
+    out = {};
+    out.emitter = emitter;
+    return emitters_.sample_direct(emitter, reference, front, 0.5, {0.5f, 0.5f}, out);
+  }
+
   // As above, by the technique `adapted`, its probabilities times weights of groups of emitters.
   // Precondition: at least 2 emitters.
   using Weights = const ChoiceWeights&;

@@ -1,52 +1,10 @@
-// The half of the oracle that is arithmetic: products of densities, and weights.
+// Products of densities, and weights.
 #include <algorithm>
-#include <cmath>
 
 #include "worker/transport/mis/factors.h"
 #include "worker/transport/reference/reference.h"
 
 namespace candela::transport::reference {
-
-void Scaled::normalise() {
-  if (mantissa_ == 0 || !std::isfinite(mantissa_)) return;
-  int exponent = 0;
-  mantissa_ = 2 * std::frexp(mantissa_, &exponent);
-  exponent_ += exponent - 1;
-}
-
-Scaled& Scaled::operator*=(const Scaled& other) {
-  mantissa_ *= other.mantissa_;
-  exponent_ = mantissa_ == 0 ? 0 : exponent_ + other.exponent_;
-  normalise();
-  return *this;
-}
-
-Scaled& Scaled::operator/=(const Scaled& other) {
-  mantissa_ /= other.mantissa_;
-  exponent_ = mantissa_ == 0 ? 0 : exponent_ - other.exponent_;
-  normalise();
-  return *this;
-}
-
-bool operator<(const Scaled& a, const Scaled& b) {
-  if (a.is_zero() || b.is_zero()) return a.mantissa_ < b.mantissa_;
-  return a.exponent_ != b.exponent_ ? a.exponent_ < b.exponent_ : a.mantissa_ < b.mantissa_;
-}
-
-double Scaled::value() const {
-  return std::ldexp(mantissa_, static_cast<int>(std::clamp<std::int64_t>(exponent_, -5000, 5000)));
-}
-
-double PathNumbers::light_density(std::size_t i) const {
-  if (i == 0) return light_prob;
-  const double seen = i == edges ? 1 : survival[i - 1];  // hit_lens: by convention
-  return pdf_to_eye[i - 1] * seen * factor_to_light[i] / distance_squared[i - 1];
-}
-
-double PathNumbers::eye_density(std::size_t i) const {
-  if (i == edges) return lens_prob;
-  return pdf_to_light[i + 1] * survival[i] * factor_to_eye[i] / distance_squared[i];
-}
 
 std::vector<Technique> list_techniques(const PathNumbers& n, const Counts& counts) {
   using Kind = Technique::Kind;

@@ -1,13 +1,14 @@
-#include "worker/transport/reference/reference.h"
+#include "worker/transport/path/evaluation.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "worker/core/math.h"
+#include "worker/scene/bsdfs/delta_lobes.h"
 #include "worker/transport/between.h"
 
-namespace candela::transport::reference {
+namespace candela::transport::path {
 namespace {
 
 using Channels = std::array<double, 3>;
@@ -39,27 +40,21 @@ struct DeltaLobe {
   Channels value{};  // weight * prob
 };
 
-// The delta lobe that a walk takes which comes from wo and leaves along wi (local), found by trying the
-// choice of lobes throughout; of several the one of probability nearest to `prob`, if that is given.
+// The delta lobe that a walk takes which comes from wo and leaves along wi (local); of several the one of
+// probability nearest to `prob`, if that is given.
 DeltaLobe find_delta(const scene::Closure& closure, Vec3 wo, Vec3 wi, TransportMode mode, bool straight,
                      double prob) {
   DeltaLobe best;
-  for (int tries = 128; tries <= 1 << 14 && best.prob == 0; tries *= 16) {
-    double nearest = kInfinity;
-    for (int i = 0; i < tries; ++i) {
-      const float u = (static_cast<float>(i) + 0.5f) / static_cast<float>(tries);
-      scene::BsdfSample sample;
-      if (!closure.sample(wo, u, {0.5f, 0.5f}, mode, sample) || !sample.delta) continue;
-      if (sample.straight != straight || dot(sample.wi, wi) < 1 - 1e-5f) continue;
-      const auto found = static_cast<double>(sample.prob);
-      const double distance = prob > 0 ? std::abs(found - prob) : 0;
-      if (distance >= nearest) continue;
-      nearest = distance;
-      best.prob = found;
-      best.eta = static_cast<double>(sample.eta);
-      best.value = channels(sample.weight);
-      for (double& value : best.value) value *= found;
-    }
+  double nearest = kInfinity;
+  for (const scene::DeltaLobe& lobe : scene::delta_lobes(closure, wo, mode)) {
+    if (lobe.straight != straight || dot(lobe.wi, wi) < 1 - 1e-5f) continue;
+    const auto found = static_cast<double>(lobe.prob);
+    const double distance = prob > 0 ? std::abs(found - prob) : 0;
+    if (distance >= nearest) continue;
+    nearest = distance;
+    best.prob = found;
+    best.eta = static_cast<double>(lobe.eta);
+    best.value = channels(lobe.value);
   }
   return best;
 }
@@ -354,4 +349,4 @@ bool Evaluation::evaluate_ends() {
   return true;
 }
 
-}  // namespace candela::transport::reference
+}  // namespace candela::transport::path

@@ -3,9 +3,9 @@
 #include <cmath>
 
 #include "worker/core/math.h"
-#include "worker/transport/reference/reference.h"
+#include "worker/transport/path/evaluation.h"
 
-namespace candela::transport::reference {
+namespace candela::transport::path {
 namespace {
 
 using Channels = std::array<double, 3>;
@@ -66,7 +66,7 @@ std::array<Scaled, 3> Evaluation::contribution() const {
 // The density of the flight along an edge, and of passing its surfaces straight. color: of what the walk
 // carries, which chooses the channel of a flight; on return that behind the edge.
 Scaled Evaluation::fly(bool from_light, std::size_t i, Arrival arrival, bool expects_passes,
-                       Channels& colour) const {
+                       Channels& color) const {
   const Edge& edge = edges_[i];
   const std::size_t count = edge.stretches.size();
   Scaled density = 1;
@@ -79,16 +79,16 @@ Scaled Evaluation::fly(bool from_light, std::size_t i, Arrival arrival, bool exp
       const Channels passed = stretch_transmittance(medium, stretch.length);
       double p = 1;
       if (!last || arrival == Arrival::surface)
-        p = static_cast<double>(medium.prob_pass(length, spectrum(colour)));
+        p = static_cast<double>(medium.prob_pass(length, spectrum(color)));
       else if (arrival == Arrival::medium)
-        p = static_cast<double>(medium.pdf_distance(length, spectrum(colour)));
+        p = static_cast<double>(medium.pdf_distance(length, spectrum(color)));
       density *= p;
-      for (std::size_t c = 0; c < 3; ++c) colour[c] *= passed[c] / p;
+      for (std::size_t c = 0; c < 3; ++c) color[c] *= passed[c] / p;
     }
     if (last) break;
     const Pass& pass = edge.passes[from_light ? j : count - 2 - j];
     if (!expects_passes) density *= from_light ? pass.prob_from_light : pass.prob_from_eye;
-    for (std::size_t c = 0; c < 3; ++c) colour[c] *= pass.fraction[c];
+    for (std::size_t c = 0; c < 3; ++c) color[c] *= pass.fraction[c];
   }
   return density;
 }
@@ -98,7 +98,7 @@ Scaled Evaluation::walk_density(bool from_light, std::size_t count) const {
   const std::size_t k = n.edges;
   if (count == 0) return 1;
   Scaled density = from_light ? n.light_prob : n.lens_prob;
-  Channels colour = from_light ? emitted() : Channels{1, 1, 1};
+  Channels color = from_light ? emitted() : Channels{1, 1, 1};
   for (std::size_t step = 1; step < count; ++step) {
     const std::size_t v = from_light ? step : k - step;  // arrived at
     const std::size_t before = from_light ? v - 1 : v + 1, edge = from_light ? v - 1 : v;
@@ -108,18 +108,18 @@ Scaled Evaluation::walk_density(bool from_light, std::size_t count) const {
       const Inner& x = *inner_[before - 1];
       density *= from_light ? x.prob_to_eye : x.prob_to_light;
       const Spectrum scattered = spectrum(x.value);
-      colour[0] *= static_cast<double>(scattered.r);
-      colour[1] *= static_cast<double>(scattered.g);
-      colour[2] *= static_cast<double>(scattered.b);
+      color[0] *= static_cast<double>(scattered.r);
+      color[1] *= static_cast<double>(scattered.g);
+      color[2] *= static_cast<double>(scattered.b);
     }
     const Arrival arrival = n.in_medium[v] ? Arrival::medium : v == k ? Arrival::lens : Arrival::surface;
     density *= fly(from_light, edge, arrival,
-                   step >= (from_light ? rules_.max_light_edges : rules_.max_edges), colour);
+                   step >= (from_light ? rules_.max_light_edges : rules_.max_edges), color);
     // A flight's density has the hazard in it.
     if (!n.in_medium[v]) density *= from_light ? n.factor_to_light[v] : n.factor_to_eye[v];
     density /= n.distance_squared[edge];
-    const Spectrum whole = spectrum(colour);
-    colour = {static_cast<double>(whole.r), static_cast<double>(whole.g), static_cast<double>(whole.b)};
+    const Spectrum whole = spectrum(color);
+    color = {static_cast<double>(whole.r), static_cast<double>(whole.g), static_cast<double>(whole.b)};
   }
   return density;
 }
@@ -155,4 +155,4 @@ Channels Evaluation::estimator_value(const Technique& technique) const {
   return {(f[0] / density).value(), (f[1] / density).value(), (f[2] / density).value()};
 }
 
-}  // namespace candela::transport::reference
+}  // namespace candela::transport::path

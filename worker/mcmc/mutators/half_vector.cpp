@@ -1,0 +1,99 @@
+#include "worker/mcmc/mutators/half_vector.h"
+
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "worker/core/math.h"
+#include "worker/transport/manifold/geometry_terms.h"
+#include "worker/transport/manifold/walk.h"
+
+namespace candela::mcmc {
+
+using namespace transport::manifold;  // NOLINT(google-build-using-namespace)
+namespace path = transport::path;
+
+namespace {
+
+std::vector<double> tolerances(const PreparedChain& chain, double gamma) {
+  std::vector<double> out;
+  for (const double alpha : chain.alphas) out.push_back(tolerance(gamma, alpha));
+  return out;
+}
+
+// Of the present path; a specular one is 0, whatever rounding left of it.
+std::vector<Pair> held_slopes(const PreparedChain& chain) {
+  std::vector<Pair> out = chain.slopes;
+  for (std::size_t i = 0; i < out.size(); ++i)
+    if (!(chain.alphas[i] > 0)) out[i] = {};
+  return out;
+}
+
+bool same_kinds(const path::Path& a, const path::Path& b) {
+  if (a.vertices.size() != b.vertices.size()) return false;
+  for (std::size_t i = 0; i < a.vertices.size(); ++i) {
+    const path::PathVertex &v = a.vertices[i], &w = b.vertices[i];
+    if (v.kind != w.kind || v.delta != w.delta || v.transmitted != w.transmitted) return false;
+  }
+  return a.vertices.front() == b.vertices.front() && a.vertices.back() == b.vertices.back();
+}
+
+}  // namespace
+
+std::optional<HalfVectorMutator::Prepared> HalfVectorMutator::prepared(const PathState& state) const {
+  Prepared out;
+  const std::size_t k = state.path.edge_count();
+  if (k < 2 ||
+      path::make_segment(scene_, state.path, state.assembled, 0, k, out.segment) != path::NoSegment::none)
+    return std::nullopt;
+  const Vec3d numbers = state.path.vertices.back().place;
+  const Vec2 lens{static_cast<float>(numbers.x), static_cast<float>(numbers.y)};
+  const auto film =
+      path::to_film(scene_, out.segment.chain.vertices[k - 1], state.assembled.edges.back().length, lens);
+  if (!film) return std::nullopt;
+  auto chain = prepare(out.segment.chain, out.segment.alphas, *film, rules_.step);
+  if (!chain || (rules_.one_step && chain->any_specular())) return std::nullopt;
+  out.chain = *std::move(chain);
+  return out;
+}
+
+double HalfVectorMutator::suitability(const PathState& from) const {
+  return prepared(from) ? 1 : 0;
+}
+
+std::optional<path::Path> HalfVectorMutator::propose(const PathState& from, rng::Stream& stream) const {
+  const auto here = prepared(from);
+  if (!here) return std::nullopt;
+  std::vector<Pair> normals;
+  for (std::size_t i = 0; i < here->chain.slopes.size(); ++i) {
+    const double u = stream.next_double();
+    normals.push_back(normal_pair(u, stream.next_double()));
+  }
+  const std::vector<Pair> slopes = propose_slopes(here->chain, normals);
+  const path::SceneSurfaces surfaces(scene_, here->segment);
+  Chain moved = here->chain.chain;
+  if (rules_.one_step) {
+    if (!propose_one_step(here->chain, slopes, surfaces, moved)) return std::nullopt;
+  } else {
+    const std::vector<double> near = tolerances(here->chain, rules_.step.gamma);
+    if (!walk(moved, slopes, near, surfaces, {}).converged() ||
+        !returns(moved, here->chain.chain, held_slopes(here->chain), near, surfaces, {}))
+      return std::nullopt;
+  }
+  return path::with_segment(from.path, here->segment, moved);
+}
+
+std::optional<double> HalfVectorMutator::log_pdf_area(const PathState& from, const PathState& to) const {
+  if (!same_kinds(from.path, to.path)) return std::nullopt;
+  const auto here = prepared(from), there = prepared(to);
+  if (!here || !there) return std::nullopt;
+  if (rules_.one_step) return log_pdf_one_step_area(here->chain, there->chain.chain);
+  double sum = log_pdf_slopes(here->chain, there->chain.slopes) + there->chain.jacobian.log_abs_det();
+  for (std::size_t i = 0; i < there->chain.alphas.size(); ++i)
+    if (!(there->chain.alphas[i] > 0))
+      sum += math::log(projected_by_constraint(Form::slope, there->chain.chain, i + 1));
+  if (!std::isfinite(sum)) return std::nullopt;
+  return sum;
+}
+
+}  // namespace candela::mcmc

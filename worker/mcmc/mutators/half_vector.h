@@ -1,0 +1,46 @@
+// Mutations of all half vectors of a path, its ends held [half-vector note, sections 9 to 12; Kaplanyan 2017,
+// ch. 8]: by one step, predicted and projected; or by a walk to the slopes that were drawn, which the path
+// has to be found back from.
+//
+// The density of a walk is that of its slopes times |J|: in the measure of areas. A specular vertex has no
+// density of a slope; its delta function is in half vectors, and contribution leaves it out in directions, so
+// that its |d o_perp / d c| is part of T.
+#pragma once
+
+#include <optional>
+#include <string_view>
+
+#include "worker/mcmc/mutators/mutator.h"
+#include "worker/transport/manifold/proposal.h"
+#include "worker/transport/path/segment.h"
+
+namespace candela::mcmc {
+
+struct HalfVectorRules {
+  bool one_step = false;
+  // Each gamma is a mutation of its own.
+  transport::manifold::StepRules step;
+};
+
+class HalfVectorMutator final : public PathMutator {
+ public:
+  // The scene must outlive this.
+  HalfVectorMutator(const scene::Scene& scene, const HalfVectorRules& rules) : scene_(scene), rules_(rules) {}
+
+  std::string_view name() const override { return rules_.one_step ? "one_step" : "half_vector"; }
+  double suitability(const PathState& from) const override;
+  std::optional<transport::path::Path> propose(const PathState& from, rng::Stream& stream) const override;
+  std::optional<double> log_pdf_area(const PathState& from, const PathState& to) const override;
+
+ private:
+  struct Prepared {
+    transport::path::Segment segment;
+    transport::manifold::PreparedChain chain;
+  };
+  std::optional<Prepared> prepared(const PathState& state) const;
+
+  const scene::Scene& scene_;
+  HalfVectorRules rules_;
+};
+
+}  // namespace candela::mcmc

@@ -1,0 +1,157 @@
+#include "worker/transport/path/assemble.h"
+
+#include <algorithm>
+
+#include "worker/scene/emitters/lights.h"
+#include "worker/scene/points/surface_points.h"
+
+namespace candela::transport::path {
+namespace {
+
+Vec3d place_of(const scene::Scene& scene, const PathVertex& v) {
+  return is_on_surface(v.kind) ? scene.points().at(v.point).p : v.place;
+}
+
+InnerVertex inner_vertex(const scene::Scene& scene, const PathVertex& v) {
+  InnerVertex inner;
+  if (v.kind == Kind::surface) {
+    inner.hit = scene.points().hit(v.point);
+    inner.delta = v.delta;
+    return inner;
+  }
+  inner.kind = VertexKind::medium;
+  inner.hit.p = Vec3(v.place);
+  inner.medium = v.object;
+  return inner;
+}
+
+// The light's end, and the edge that leaves it. next: x_1, or the lens.
+bool set_light(const scene::Scene& scene, const PathVertex& v, Vec3d next, const scene::SurfaceHit& reference,
+               Assembled& out) {
+  FullPath& path = out.path;
+  path.light.emitter = v.object;
+  switch (v.kind) {
+    case Kind::surface_light: {
+      path.light = scene.points().hit(v.point);
+      if (path.light.emitter == scene::kNone) return false;
+      const Vec3d way = next - place_of(scene, v);
+      const double l = length(way);
+      out.edges.front() = {way / l, l};
+      return l > 0;
+    }
+    case Kind::distant_light:
+      path.light_infinite = true;
+      out.edges.front() = {-v.place, 0};
+      return true;
+    default:
+      break;
+  }
+  // Such a light is the same however it is chosen.
+  scene::DirectSample light;
+  if (scene.lights().sample_emitter(v.object, reference, {}, light) != scene::DirectOutcome::sampled)
+    return false;
+  if (!light.delta || light.infinite != (v.kind == Kind::directed_light)) return false;
+  path.light_infinite = path.light_delta_direction = light.infinite;
+  path.light_delta_position = !light.infinite;
+  path.light.p = light.p;
+  const double distance = length(Vec3d(light.p) - next);
+  const double squared = light.infinite ? 1 : distance * distance;
+  path.light_delta_radiance = light.radiance * static_cast<float>(squared);
+  out.edges.front() =
+      light.infinite ? PathEdge{-Vec3d(light.wi), 0} : PathEdge{(next - Vec3d(light.p)) / distance, distance};
+  return true;
+}
+
+}  // namespace
+
+bool exists(const scene::Scene& scene, const Path& path) {
+  const auto emitters = static_cast<std::uint32_t>(scene.lights().size());
+  return std::all_of(path.vertices.begin(), path.vertices.end(), [&](const PathVertex& v) {
+    if (is_on_surface(v.kind)) return scene.points().exists(v.point);
+    if (v.kind == Kind::point_light || v.kind == Kind::directed_light) return v.object < emitters;
+    if (v.kind == Kind::medium) return v.object < scene.features().media;
+    return true;
+  });
+}
+
+std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, float film_border) {
+  const std::size_t k = path.edge_count();
+  Assembled out;
+  out.edges.resize(k);
+  out.path.light_infinite = path.vertices.front().kind == Kind::distant_light;
+  for (std::size_t i = 1; i < k; ++i) out.path.inner.push_back(inner_vertex(scene, path.vertices[i]));
+  for (std::size_t i = 1; i + 1 < k; ++i) {
+    const Vec3d way = place_of(scene, path.vertices[i + 1]) - place_of(scene, path.vertices[i]);
+    const double l = length(way);
+    if (!(l > 0)) return std::nullopt;
+    out.edges[i] = {way / l, l};
+  }
+  // The lens, as the vertex before it sees it. Light from outside that the sensor looks at has no such place.
+  if (k == 1 && path.vertices.front().kind != Kind::surface_light) return std::nullopt;
+  const scene::SurfaceHit seen =
+      k == 1 ? scene.points().hit(path.vertices.front().point) : out.path.inner.back().hit;
+  const Vec3d seen_at = place_of(scene, path.vertices[k - 1]);
+  const Vec2 u_lens{static_cast<float>(path.vertices.back().place.x),
+                    static_cast<float>(path.vertices.back().place.y)};
+  scene::CameraSample camera;
+  if (!scene.sample_camera(seen, u_lens, camera, film_border)) return std::nullopt;
+  out.film = {camera.film_x, camera.film_y};
+  out.path.lens = camera.p;
+  out.path.lens_infinite = camera.delta_direction;
+  out.path.lens_near = camera.shadow_ray.origin + camera.shadow_ray.direction * camera.shadow_ray.t_max;
+  const Vec3d way = Vec3d(camera.p) - seen_at;
+  const double distance = length(way);
+  if (!(distance > 0)) return std::nullopt;
+  out.edges.back() =
+      camera.delta_direction ? PathEdge{Vec3d(camera.wi), 0} : PathEdge{way / distance, distance};
+
+  const Vec3d next = k == 1 ? Vec3d(camera.p) : place_of(scene, path.vertices[1]);
+  const PathEdge last = out.edges.back();
+  if (!set_light(scene, path.vertices.front(), next, k == 1 ? seen : out.path.inner.front().hit, out))
+    return std::nullopt;
+  if (k == 1) out.edges.back() = last;
+  for (const PathEdge& edge : out.edges) out.path.along.emplace_back(Vec3(edge.direction));
+  return out;
+}
+
+std::optional<Path> canonical(const scene::Scene& scene, const FullPath& path, Vec2 u_lens) {
+  Path out;
+  PathVertex light;
+  if (path.light_delta_position || path.light_delta_direction) {
+    light.kind = path.light_delta_position ? Kind::point_light : Kind::directed_light;
+    light.object = path.light.emitter;
+  } else if (path.light_infinite) {
+    light.kind = Kind::distant_light;
+    light.place = -normalize(Vec3d(path.along.front()));
+  } else {
+    light.kind = Kind::surface_light;
+    const auto point = scene.points().of(path.light);
+    if (!point) return std::nullopt;
+    light.point = *point;
+  }
+  out.vertices.push_back(light);
+  for (std::size_t i = 0; i < path.inner.size(); ++i) {
+    const InnerVertex& inner = path.inner[i];
+    PathVertex v;
+    if (inner.kind == VertexKind::medium) {
+      v.kind = Kind::medium;
+      v.object = inner.medium;
+      v.place = Vec3d(inner.hit.p);
+    } else {
+      const auto point = scene.points().of(inner.hit);
+      if (!point) return std::nullopt;
+      v.point = *point;
+      v.delta = inner.delta;
+      v.transmitted =
+          inner.delta && dot(path.along[i], inner.hit.ng) * dot(path.along[i + 1], inner.hit.ng) > 0;
+    }
+    out.vertices.push_back(v);
+  }
+  PathVertex sensor;
+  sensor.kind = Kind::sensor;
+  sensor.place = {static_cast<double>(u_lens.x), static_cast<double>(u_lens.y), 0};
+  out.vertices.push_back(sensor);
+  return out;
+}
+
+}  // namespace candela::transport::path

@@ -1,0 +1,98 @@
+// Contribution and densities of one whole path, by the literal formulas: slow, in double, and apart from the
+// recursions of mis/, walk.h and technique/, which are tested against them (reference/).
+//
+// Vertices are a position with its surface or medium; bsdfs are prepared anew, from the side each walk comes
+// from; what lies between vertices is found by rays of its own.
+//
+// Conventions that any set of weights is free to choose, and that have to be the same everywhere:
+// - Delta lobes: both densities are per solid angle towards the light, times one delta function that is left
+//   out: of the eye's walk prob, of the light's prob n_eye^2 cos_eye / (n_light^2 cos_light), as Snell's law
+//   has it [Veach 1997, Eq. 5.3]. Weights take the cosines from the geometric normal, since they then cancel
+//   in the walks; the value of an estimator needs the shading normal's.
+// - Media: weights count the survival of an edge and the hazard at its end by the mean over channels;
+//   survival of a grid is 1. Roulette and surfaces passed straight are in no weight.
+// - hit_lens does not count the survival of the last edge.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "worker/transport/path/full_path.h"
+
+namespace candela::transport::path {
+
+// Everything about a path in its scene.
+class Evaluation {
+ public:
+  // valid() is false where the path cannot be followed: a ray between two vertices does not arrive.
+  Evaluation(const scene::Scene& scene, const FullPath& path, const Rules& rules);
+  bool valid() const { return valid_; }
+  // Media found going from the light and from the eye are the same.
+  bool media_agree() const { return media_agree_; }
+  // No medium on the way is a grid: the contribution has a closed form.
+  bool closed_form() const { return closed_form_; }
+  // The relative error that floats may give the path's densities and contribution, as far as it is known:
+  // cosines that vanish, and stretches of media, which walks take to end short of surfaces by their error.
+  // Not counted: lobes as narrow as the last bits of a direction.
+  double rounding() const { return rounding_; }
+  const PathNumbers& numbers() const { return numbers_; }
+
+  // The measurement contribution f(x), per channel: emitted radiance, geometric terms, transmittance, bsdfs
+  // as radiance has them (towards the light x_{i-1}, with the shading normal's cosine there), importance.
+  std::array<Scaled, 3> contribution() const;
+  // What a technique gives where it makes this path: f over the density with which it truly does, that of
+  // flights and straight passes included; without roulette, and without a merge's kernel.
+  std::array<double, 3> estimator_value(const Technique& technique) const;
+
+ private:
+  // Of an edge, from the light to the eye: stretches of one medium, and surfaces passed between them.
+  struct Stretch {
+    std::uint32_t medium = scene::kNone;
+    double length = 0;
+  };
+  struct Pass {
+    scene::SurfaceHit hit;
+    std::array<double, 3> fraction{};
+    double prob_from_light = 1, prob_from_eye = 1;
+  };
+  struct Edge {
+    std::vector<Stretch> stretches;
+    std::vector<Pass> passes;
+  };
+  struct Inner {
+    scene::Closure from_light, from_eye;
+    scene::ClosureArena arena_light, arena_eye;
+    std::array<double, 3> value{};              // rho_i
+    double prob_to_eye = 0, prob_to_light = 0;  // true densities of the directions
+  };
+
+  bool follow_edge(std::size_t i);
+  void assign_media();
+  void evaluate_inner(std::size_t i);
+  void evaluate_delta(std::size_t i, Vec3 to_light, Vec3 to_eye);
+  bool evaluate_ends();
+  std::array<double, 3> transmittance(const Edge& edge) const;
+  std::array<double, 3> emitted() const;
+  // Of the light's (eye's) walk making its first `count` vertices.
+  Scaled walk_density(bool from_light, std::size_t count) const;
+  enum class Arrival : std::uint8_t { surface, medium, lens };
+  Scaled fly(bool from_light, std::size_t edge, Arrival arrival, bool expects_passes,
+             std::array<double, 3>& color) const;
+  Vec3d place(std::size_t i) const;
+  void count_rounding();
+
+  const scene::Scene& scene_;
+  const FullPath& path_;
+  Rules rules_;
+  bool valid_ = true, media_agree_ = true, closed_form_ = true;
+  double rounding_ = 0;
+  PathNumbers numbers_;
+  std::vector<Edge> edges_;
+  std::vector<std::unique_ptr<Inner>> inner_;
+  double importance_ = 0;  // of the last edge, its cosine at the lens included
+};
+
+}  // namespace candela::transport::path

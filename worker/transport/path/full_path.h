@@ -1,0 +1,105 @@
+// A whole path between a light and the lens as formulas see it, and the numbers that they give it.
+//
+// A path x_0 ... x_k runs from the light to the eye; P_i, Q_i, C_0 and C_k are those at the top of
+// mis/balance_power.h.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "worker/scene/scene.h"
+#include "worker/transport/vertex.h"
+
+namespace candela::transport::path {
+
+// mantissa * 2^exponent: products over a thousand vertices. Not negative.
+class Scaled {
+ public:
+  Scaled(double value = 0) : mantissa_(value) { normalize(); }  // NOLINT(google-explicit-constructor)
+  Scaled& operator*=(const Scaled& other);
+  Scaled& operator/=(const Scaled& other);
+  friend Scaled operator*(Scaled a, const Scaled& b) { return a *= b; }
+  friend Scaled operator/(Scaled a, const Scaled& b) { return a /= b; }
+  friend bool operator<(const Scaled& a, const Scaled& b);
+  bool is_zero() const { return mantissa_ == 0; }
+  // Zero or infinite where a double cannot hold it.
+  double value() const;
+
+ private:
+  void normalize();
+  double mantissa_;  // 0 or in [1, 2)
+  std::int64_t exponent_ = 0;
+};
+
+struct InnerVertex {
+  VertexKind kind = VertexKind::surface;
+  scene::SurfaceHit hit;
+  std::uint32_t medium = scene::kNone;  // of a vertex in it
+  bool delta = false;                   // the path turns here by a delta lobe
+  // Where several delta lobes share a direction: the probability of that meant, by a walk from the eye or (if
+  // so said) from the light. 0: any.
+  double delta_prob = 0;
+  bool delta_prob_from_light = false;
+};
+
+struct FullPath {
+  scene::SurfaceHit light;  // x_0; of a point its p and emitter alone, of light from outside its emitter
+  bool light_infinite = false, light_delta_position = false, light_delta_direction = false;
+  Spectrum light_delta_radiance;  // of such a light: intensity or irradiance, as EmissionSample has it
+  std::vector<InnerVertex> inner;
+  Vec3 lens;       // x_k; orthographic: on the near plane
+  Vec3 lens_near;  // where the last edge enters the near plane: media do not count behind it
+  bool lens_infinite = false;
+  std::vector<Vec3> along;  // unit, from x_i to x_{i+1}
+
+  std::size_t edge_count() const { return inner.size() + 1; }  // k
+};
+
+// All that the densities are made of. Index i: vertex x_i, or the edge from x_i to x_{i+1}.
+struct PathNumbers {
+  std::size_t edges = 0;  // k
+  bool light_can_be_hit = false, lens_can_be_hit = false;
+  // Of the end points alone; as next event estimation at x_1, or a connection at x_{k-1}, chooses them.
+  double light_prob = 0, light_direct = 0, lens_prob = 0, lens_connect = 0;
+  // Of the direction in which the light's walk leaves x_i (i < k), and the eye's (i > 0), per solid angle;
+  // beyond an end point at infinity: of the place, per area across it. The eye's first counts all its paths.
+  std::vector<double> pdf_to_eye, pdf_to_light;
+  // Cosine or hazard at x_i for its edge towards the eye, and towards the light; 1 where there is none.
+  std::vector<double> factor_to_eye, factor_to_light;
+  std::vector<double> survival, distance_squared;  // of edges; distance 1 to infinity
+  std::vector<bool> delta, in_medium;              // of vertices
+  std::vector<std::uint32_t> medium;               // of vertices in one: its number; kNone on surfaces
+  // Of vertices in media, where there are beams: the sine of the angle between their two edges; 0 elsewhere.
+  std::vector<double> beam_sine;
+
+  double light_density(std::size_t i) const;  // P_i
+  double eye_density(std::size_t i) const;    // Q_i
+};
+
+struct Rules {
+  float film_border = 0;
+  double eye_paths = 1;  // per iteration
+  // Walks pass surfaces in expectation, not by chance, on the last edge that they may have.
+  std::size_t max_edges = 1u << 30, max_light_edges = 1u << 30;
+};
+
+struct Technique {
+  enum class Kind : std::uint8_t {
+    hit_light,
+    next_event,
+    connect,
+    light_image,
+    hit_lens,
+    merge,
+    merge_point_beam,
+    merge_beam_point,
+    merge_beam_beam
+  };
+  Kind kind{};
+  std::size_t light_vertices = 0;  // s; of a merge the index of the vertex it blurs
+  Scaled density;                  // times its count
+};
+
+}  // namespace candela::transport::path
