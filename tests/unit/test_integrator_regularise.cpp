@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <fstream>
 #include <map>
 #include <numbers>
@@ -16,6 +17,7 @@
 #include "tests/statistical/moments.h"
 #include "tests/unit/renderer_fixture.h"
 #include "tests/unit/shared_cases.h"
+#include "worker/integrators/regularise.h"
 
 namespace candela::render {
 namespace {
@@ -98,8 +100,8 @@ statistical::Moments measure(const Built& scene, const Case& one, double bandwid
 }
 void expect_mean(const statistical::Moments& measured, double expected, double most_relative_error,
                  const std::string& what) {
-  const double error = measured.standard_error();
-  EXPECT_NEAR(measured.mean(), expected, 5 * error) << what << " +- " << error;
+  const double error = measured.error();
+  EXPECT_NEAR(measured.mean(), expected, 6 * error) << what << " +- " << error;
   EXPECT_LT(error, most_relative_error * expected) << what;
 }
 
@@ -155,13 +157,18 @@ std::vector<TableScene> table_scenes(double bandwidth_over_length) {
 
 // Claim: path tracing shows a point light over a mirror, a matt floor and another mirror as bright as
 // quadrature says for this bandwidth: with the cosine of the connection, and K / l^2 for its distance. The
-// cosine of the sampled direction would make 2 to 6 % more.
+// cosine of the sampled direction would make 2 to 6 % more, which the long form sees.
 TEST(RegularisedPath, MeetsTheTable) {
   const auto scenes = table_scenes(0.5);
   if (scenes.empty()) GTEST_SKIP() << "no regularisation.csv in " << test::shared_path() / "theory";
   for (const TableScene& scene : scenes) {
-    const auto measured = measure(scene.build(), {"path", 400, {{"max_depth", "4"}}}, scene.number("r"), 16);
-    expect_mean(measured, scene.number("expected_connection_cosine"), 0.01, scene.row.at("scene"));
+    const char* const asked = std::getenv("CANDELA_LONG");
+    const bool is_long = asked != nullptr && std::string(asked) != "0";
+    const std::uint64_t iterations = is_long ? 6000 : 400;
+    const auto measured =
+        measure(scene.build(), {"path", iterations, {{"max_depth", "4"}}}, scene.number("r"), 16);
+    expect_mean(measured, scene.number("expected_connection_cosine"), is_long ? 0.008 : 0.03,
+                scene.row.at("scene"));
   }
 }
 
@@ -173,9 +180,9 @@ TEST(RegularisedBdpt, LongestEdgeHasTheWholePath) {
   if (scenes.empty()) GTEST_SKIP() << "no regularisation.csv in " << test::shared_path() / "theory";
   for (const TableScene& scene : scenes) {
     if (scene.row.at("scene") != "M_close") continue;
-    const auto measured = measure(scene.build(0.2), {"bdpt", 800, {{"max_depth", "4"}}},
+    const auto measured = measure(scene.build(0.2), {"bdpt", 300, {{"max_depth", "4"}}},
                                   0.3 * scene.number("dist_mirror_light"), 16);
-    expect_mean(measured, scene.number("exact_radiance") * (1 - 0.02), 0.015, "M_close");
+    expect_mean(measured, scene.number("exact_radiance") * (1 - 0.02), 0.03, "M_close");
   }
 }
 
@@ -206,12 +213,12 @@ TEST(Regularised, LampOverTwoMirrors) {
   constexpr double r = 0.1;
   for (const auto& [integrator, length] :
        {std::pair{"path", SceneT::kBeforeB}, std::pair{"bdpt", SceneT::kBeforeA}}) {
-    const auto measured = measure(scene, {integrator, 400, {{"max_depth", "3"}}, 32}, r, 8);
+    const auto measured = measure(scene, {integrator, 100, {{"max_depth", "3"}}, 24}, r, 12);
     const double flux = SceneT::kIntensity / (SceneT::kD * SceneT::kD) * (1 - r * r / (4 * length * length));
     // The mean over the film's area is that over directions, weighted by 1 / cos^3 of the angle to its
     // middle; the disc lies in the middle.
     const double half = std::tan(15 * std::numbers::pi / 180);
-    expect_mean(measured, flux / (4 * half * half), 0.01, integrator);
+    expect_mean(measured, flux / (4 * half * half), 0.03, integrator);
   }
 }
 
@@ -222,24 +229,24 @@ std::string glass_and_lamp() {
       <bsdf type="dielectric"><float name="int_ior" value="1.5"/><float name="ext_ior" value="1"/></bsdf></shape>
     <emitter type="spot"><rgb name="intensity" value="4"/><float name="cutoff_angle" value="30"/>
       <float name="beam_width" value="29.5"/><transform name="to_world"><lookat origin="0.3,0.1,-1.2"
-      target="0.5,0.2,0" up="0.1,1,0"/></transform></emitter>)";
+      target="0.4,0.15,0" up="0.1,1,0"/></transform></emitter>)";
 }
 
-// Claim: light that is refracted is as bright as bidirectional path tracing finds it without regularization:
-// the eye's side has the factor 1 / eta^2 of radiance, once. Without it 2.25 times the light.
-TEST(RegularisedPath, RefractsAsLightPathsDo) {
-  const Vec3d y(0.6, 0.25, 0.9), eye(-1.5, 0.2, 0.5);
-  const Built scene =
-      built(camera(eye, y - eye, 0.5),
-            glass_and_lamp() + square(y, normalize(Vec3d(-0.6, 0, -1)), 0.15,
-                                      "<bsdf type=\"twosided\"><bsdf type=\"diffuse\"/></bsdf>"));
-  const Case one{"path", 300, {{"max_depth", "3"}}};
-  const auto blurred = measure(scene, one, 0.25, 16);
-  Case exact{"bdpt", 300, {{"max_depth", "3"}, {"regularise", "off"}}};
-  const auto light_paths = measure(scene, exact, 0.25, 16);
-  const double error = std::hypot(blurred.standard_error(), light_paths.standard_error());
-  EXPECT_NEAR(blurred.mean(), light_paths.mean(), 5 * error + 0.015 * light_paths.mean());
-  EXPECT_LT(error, 0.015 * light_paths.mean());
+// Claim: a floor right above a lamp in glass is as bright as it is: the eye's side of a refraction has the
+// factor 1 / eta^2 of radiance, once. Without it 2.25 times the light. Seen from the floor at the height H
+// the lamp, h below the boundary, has the irradiance I T / (h + eta H)^2.
+TEST(RegularisedPath, RefractsWithTheFactorOfRadiance) {
+  const Vec3d y(0.3, 0.1, 0.9), eye(-1.5, 0.2, 0.5);
+  const Built scene = built(
+      camera(eye, y - eye, 0.1),
+      glass_and_lamp() + square(y, {0, 0, -1}, 0.15,
+                                "<bsdf type=\"twosided\"><bsdf type=\"diffuse\"><rgb name=\"reflectance\" "
+                                "value=\"0.5\"/></bsdf></bsdf>"));
+  const double distance = 1.2 + 1.5 * 0.9, transmittance = 0.96;
+  const double exact = 0.5 / std::numbers::pi * 4 * transmittance / (distance * distance);
+  const auto measured = measure(scene, {"path", 300, {{"max_depth", "3"}}}, 0.24, 16);
+  EXPECT_NEAR(measured.mean(), exact, 6 * measured.error() + 0.015 * exact) << measured.error();
+  EXPECT_LT(measured.error(), 0.03 * exact);
 }
 
 // Claim: seen in a mirror, where bidirectional path tracing cannot sample it either, the same light is as
@@ -253,11 +260,11 @@ TEST(RegularisedBdpt, RefractsFromTheLight) {
       built(camera(eye, a - eye, 0.5),
             glass_and_lamp() + square(a, na, 0.1, kMirror) +
                 square(y, n, 0.15, "<bsdf type=\"twosided\"><bsdf type=\"diffuse\"/></bsdf>"));
-  const auto from_eye = measure(scene, {"path", 600, {{"max_depth", "4"}}}, 0.25, 16);
-  const auto both = measure(scene, {"bdpt", 300, {{"max_depth", "4"}}}, 0.25, 16);
-  const double error = std::hypot(from_eye.standard_error(), both.standard_error());
-  EXPECT_NEAR(from_eye.mean(), both.mean(), 5 * error + 0.02 * both.mean());
-  EXPECT_LT(error, 0.02 * both.mean());
+  const auto from_eye = measure(scene, {"path", 300, {{"max_depth", "4"}}}, 0.25, 12);
+  const auto both = measure(scene, {"bdpt", 150, {{"max_depth", "4"}}}, 0.25, 12);
+  const double error = std::hypot(from_eye.error(), both.error());
+  EXPECT_NEAR(from_eye.mean(), both.mean(), 6 * error + 0.02 * both.mean());
+  EXPECT_LT(error, 0.04 * both.mean());
 }
 
 // Sums of the film of units [cuts[i], cuts[i + 1]).
@@ -337,6 +344,21 @@ TEST(RegularisedBdpt, LayerHasWhatIsMollified) {
   }
   EXPECT_GT(all, 0);
   EXPECT_NEAR(layer / all, 1, 1e-6);
+}
+
+// Claim: chains keep their radius over an epoch of 10000 mutations, and the power law is that of epochs; the
+// geometric schedule falls with each mutation, down to a floor.
+TEST(ChainRegularization, FallsByEpochs) {
+  using integrators::ChainRegularization;
+  const integrators::Regularization first(0.5, 1.0 / 6);
+  const ChainRegularization power(first, false), geometric(first, true);
+  EXPECT_EQ(power.bandwidth(0), 0.5);
+  EXPECT_EQ(power.bandwidth(9999), 0.5);
+  EXPECT_NEAR(power.bandwidth(10000), 0.5 * std::pow(2, -1.0 / 6), 1e-12);
+  EXPECT_NEAR(power.bandwidth(637777), 0.25, 1e-12);  // epoch 63
+  EXPECT_NEAR(geometric.bandwidth(10000), 0.5 * std::pow(1 - 1e-4, 10000), 1e-12);
+  EXPECT_GT(geometric.bandwidth(1ULL << 40), 0);
+  EXPECT_FALSE(ChainRegularization().runs());
 }
 
 }  // namespace

@@ -24,7 +24,10 @@ using Row = std::map<std::string, std::string>;
 std::vector<std::string> fields(const std::string& line) {
   std::vector<std::string> list;
   std::stringstream stream(line);
-  for (std::string field; std::getline(stream, field, ',');) list.push_back(field);
+  for (std::string field; std::getline(stream, field, ',');) {
+    if (field.ends_with('\r')) field.pop_back();
+    list.push_back(field);
+  }
   return list;
 }
 
