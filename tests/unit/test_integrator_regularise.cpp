@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/regularised_scenes.h"
 #include "tests/statistical/moments.h"
 #include "tests/unit/renderer_fixture.h"
 #include "tests/unit/shared_cases.h"
@@ -22,39 +23,13 @@
 namespace candela::render {
 namespace {
 
-std::string point(Vec3d p) {
-  return fmt::format("{:.17g}, {:.17g}, {:.17g}", p.x, p.y, p.z);
-}
-// A square around p whose front looks along n.
-std::string square(Vec3d p, Vec3d n, double half, const std::string& bsdf) {
-  const Vec3d up = std::abs(n.z) < 0.9 ? Vec3d(0, 0, 1) : Vec3d(0, 1, 0);
-  return fmt::format(
-      "<shape type=\"rectangle\"><transform name=\"to_world\"><scale value=\"{}\"/><lookat origin=\"{}\" "
-      "target=\"{}\" up=\"{}\"/></transform>{}</shape>",
-      half, point(p), point(p + n), point(up), bsdf);
-}
-const std::string kMirror =
-    R"(<bsdf type="twosided"><bsdf type="conductor"><string name="material" value="none"/></bsdf></bsdf>)";
-
-std::string camera(Vec3d from, Vec3d direction, double fov) {
-  const Vec3d up = std::abs(direction.z) < 0.9 ? Vec3d(0, 0, 1) : Vec3d(0, 1, 0);
-  return fmt::format(
-      "<sensor type=\"perspective\"><float name=\"fov\" value=\"{}\"/><float name=\"near_clip\" "
-      "value=\"0.001\"/><transform name=\"to_world\"><lookat origin=\"{}\" target=\"{}\" "
-      "up=\"{}\"/></transform></sensor>",
-      fov, point(from), point(from + direction), point(up));
-}
-
-Vec3d mirrored(Vec3d p, Vec3d q, Vec3d n) {
-  return p - n * (2 * dot(p - q, n));
-}
-// Where the ray from o along d meets the plane through p.
-Vec3d on_plane(Vec3d o, Vec3d d, Vec3d p, Vec3d n) {
-  return o + d * (dot(p - o, n) / dot(d, n));
-}
-double angle(Vec3d a, Vec3d b) {
-  return std::acos(dot(normalize(a), normalize(b))) * 180 / std::numbers::pi;
-}
+using test::angle;
+using test::camera;
+using test::kMirror;
+using test::mirrored;
+using test::on_plane;
+using test::point;
+using test::square;
 
 // A scene and the scale of its bandwidths: r = radius * the setting.
 struct Built {
@@ -186,23 +161,9 @@ TEST(RegularisedBdpt, LongestEdgeHasTheWholePath) {
   }
 }
 
-// Scene T: two tilted mirrors, no matt surface. The lamp's image at the distance D sends I / D^2 to the lens,
-// over all directions; the film shows it as a blurred disc.
-struct SceneT {
-  static constexpr double kD = 3.4, kBeforeB = 0.8, kBeforeA = 1.0, kIntensity = 5;
-};
 Built scene_t(double fov) {
-  const Vec3d eye(0, 0, 0), a(0, 0, 1), na = normalize(Vec3d(0.3, 0, 1)), nb = normalize(Vec3d(-0.4, 0.2, 1));
-  // The light's path unfolds to the z axis: first the direction behind A, then that behind B.
-  const Vec3d first = mirrored(Vec3d(0, 0, 1), {}, na), b = a + first * 1.6, second = mirrored(first, {}, nb),
-              lamp = b + second * SceneT::kBeforeB;
-  return built(camera(eye, {0, 0, 1}, fov),
-               square(a, -na, 0.7, kMirror) + square(b, nb, 0.7, kMirror) +
-                   fmt::format("<emitter type=\"spot\"><rgb name=\"intensity\" value=\"{}\"/><float "
-                               "name=\"cutoff_angle\" value=\"30\"/><float name=\"beam_width\" "
-                               "value=\"29.5\"/><transform name=\"to_world\"><lookat origin=\"{}\" "
-                               "target=\"{}\" up=\"0.1,0.2,1\"/></transform></emitter>",
-                               SceneT::kIntensity, point(lamp), point(b)));
+  const test::SceneText text = test::scene_t(fov);
+  return built(text.sensor, text.body);
 }
 
 // Claim: a lamp seen over two mirrors sends to the lens what its image does, for path tracing, which
@@ -212,9 +173,10 @@ TEST(Regularised, LampOverTwoMirrors) {
   const Built scene = scene_t(30);
   constexpr double r = 0.1;
   for (const auto& [integrator, length] :
-       {std::pair{"path", SceneT::kBeforeB}, std::pair{"bdpt", SceneT::kBeforeA}}) {
+       {std::pair{"path", test::SceneT::kBeforeB}, std::pair{"bdpt", test::SceneT::kBeforeA}}) {
     const auto measured = measure(scene, {integrator, 100, {{"max_depth", "3"}}, 24}, r, 12);
-    const double flux = SceneT::kIntensity / (SceneT::kD * SceneT::kD) * (1 - r * r / (4 * length * length));
+    const double flux = test::SceneT::kIntensity / (test::SceneT::kD * test::SceneT::kD) *
+                        (1 - r * r / (4 * length * length));
     // The mean over the film's area is that over directions, weighted by 1 / cos^3 of the angle to its
     // middle; the disc lies in the middle.
     const double half = std::tan(15 * std::numbers::pi / 180);

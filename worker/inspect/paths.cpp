@@ -209,6 +209,10 @@ Result<PathsReport> inspect_paths(const Session& session, const PathsRequest& re
   CANDELA_ASSIGN(
       const integrators::BdptSettings settings,
       integrators::parse_settings<integrators::BdptSettings>(session.settings().integrator_settings));
+  if (settings.regularise.on())
+    return usage_error("mollified connections are in no report of paths")
+        .with_field("regularise")
+        .with_mend("leave out regularise=on: the report has the paths that bdpt samples");
   return PathsRun(session, request, settings).run();
 }
 
