@@ -91,7 +91,7 @@ Result<ChainRegularization> chain_regularization(const ChainRegulariseSettings& 
   if (geometric)
     plan.note("regularise_schedule",
               "a radius that falls by a constant factor for each mutation freezes the chains: their error "
-              "stops to fall, whatever the number of mutations");
+              "stops falling, whatever the number of mutations");
   return ChainRegularization(regularization, geometric);
 }
 
