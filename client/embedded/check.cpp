@@ -16,6 +16,7 @@
 #include "common/description/reading_budget.h"
 #include "common/description/review.h"
 #include "common/image/image.h"
+#include "worker/integrators/plan_light.h"
 #include "worker/render/renderer.h"
 #include "worker/scene/features.h"
 
@@ -98,6 +99,15 @@ Result<CheckReport> check_scene(SceneOptions options, const RendererFacts& facts
     for (const auto& [first, second] : features->shared_faces)
       report.review.findings.push_back(
           {Finding::Kind::differs, {second.file, second.line}, shared_face_text(first)});
+  if (const scene::SceneFeatures* features = renderer->features()) {
+    const std::string missing =
+        integrators::missing_light(*features, job.settings.integrator, job.settings.integrator_settings);
+    const auto written = scene.scene->children_of("integrator");
+    if (!missing.empty())
+      report.review.findings.push_back({Finding::Kind::missing,
+                                        written.empty() ? scene.scene->where : written[0]->where,
+                                        fmt::format("light that is missing: {}", missing)});
+  }
   report.width = job.settings.width;
   report.height = job.settings.height;
   report.filter = job.settings.filter;

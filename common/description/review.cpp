@@ -155,6 +155,8 @@ std::string_view name(Finding::Kind kind) {
       return "differs";
     case Finding::Kind::dark:
       return "dark";
+    case Finding::Kind::missing:
+      return "missing";
     case Finding::Kind::ignored:
       return "ignored";
     case Finding::Kind::unused:

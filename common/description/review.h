@@ -15,6 +15,7 @@ struct Finding {
   enum class Kind {
     differs,  // the picture is another than Mitsuba's
     dark,     // the picture is black, as Mitsuba's is
+    missing,  // light that the integrator never finds
     ignored,  // a parameter that changes nothing in the picture
     unused    // an object that nothing uses
   };

@@ -54,6 +54,24 @@ TEST_F(Check, ListsWhatTheSceneUses) {
   EXPECT_EQ(outcome.err, "");
 }
 
+// Claim: light that the chosen integrator never finds is a note with the two ways out; not if another one, or
+// regularise=on, is chosen.
+TEST_F(Check, LightThatIsMissing) {
+  const std::string scene =
+      "<shape type='cube'/><shape type='sphere'><bsdf type='dielectric'/></shape><emitter type='point'/>";
+  for (const char* integrator : {"path", "bdpt", "pssmlt", "mmlt"}) {
+    const Outcome outcome = check(scene, {}, integrator);
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_NE(outcome.out.find("note: "), std::string::npos) << outcome.out;
+    EXPECT_NE(outcome.out.find("light that is missing: "), std::string::npos) << outcome.out;
+    EXPECT_NE(outcome.out.find("take vcm"), std::string::npos) << outcome.out;
+    EXPECT_NE(outcome.out.find("regularise=on"), std::string::npos) << outcome.out;
+    EXPECT_NE(check(scene, {"--set", "regularise=on"}, integrator).out.find("0 warnings, 0 notes\n"),
+              std::string::npos);
+  }
+  EXPECT_NE(check(scene, {}, "vcm").out.find("0 warnings, 0 notes\n"), std::string::npos);
+}
+
 // Claim: two bodies of glass that share a face are a warning that names both; with a gap, beside each other
 // in one plane, or where one of them is matt, there is none. A medium counts like glass.
 TEST_F(Check, SharedFaces) {

@@ -85,6 +85,14 @@ TEST(IntegratorPlan, NotesLightFoundByLuck) {
               std::string::npos);
     const std::string dots = plan_of(point + matt + glass, integrator);
     EXPECT_TRUE(missing(dots) && !luck(dots)) << integrator << dots;
+    // The other way out, of integrators that have it.
+    const bool blurs = integrator != std::string("optimis");
+    EXPECT_EQ(dots.find("take vcm") != std::string::npos && dots.find("regularise=on") != std::string::npos,
+              blurs)
+        << dots;
+    if (blurs) {
+      EXPECT_FALSE(missing(plan_of(point + matt + glass, integrator, {{"regularise", "on"}})));
+    }
     for (const std::string& body : {lamp + matt, lamp + mask, glass + lamp.substr(0, 0)}) {
       const std::string plan = plan_of(body, integrator);
       EXPECT_FALSE(luck(plan) || missing(plan)) << integrator << plan;

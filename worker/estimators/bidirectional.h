@@ -10,8 +10,10 @@
 
 #include <cstdint>
 #include <optional>
+#include <type_traits>
 #include <vector>
 
+#include "worker/estimators/mollified_paths.h"
 #include "worker/estimators/options.h"
 #include "worker/scene/scene.h"
 #include "worker/transport/eye_path.h"
@@ -61,13 +63,15 @@ concept RecordsPaths = Sink::kRecordsPaths;
 //   light(contribution, s, t, at, key, letters, labels)
 //                                        t < 2: to be divided by the number of light paths. labels: of the
 //                                        path; null where nobody asks for layers of expressions
-// A sink that records paths is shown the subpaths of a contribution just before it; see RecordsPaths.
+// A sink that records paths is shown the subpaths of a contribution just before it; see RecordsPaths. A
+// configuration may mollify paths that no technique can sample; see Mollifying. Its plan has light paths.
 template <class Config>
 class Bidirectional {
  public:
   static constexpr transport::Between kBetween = Config::kBetween;
   static constexpr bool kLists = Config::kLists;
   static constexpr bool kRecords = RecordsPaths<typename Config::Sink>;
+  static constexpr bool kMollifies = Mollifying<Config>;
   using Mis = typename Config::Mis;
   using Sampler = typename Config::Sampler;
   using Sink = typename Config::Sink;
@@ -96,22 +100,36 @@ class Bidirectional {
   void trace_light(Sampler& sampler) {
     ++tallies_.light_paths;
     light_states_.clear();
+    if constexpr (kMollifies) mollified_.clear_light();
     LightWalk walk(scene_, light_rules_, factors_, sampler, tallies_);
     LightSide at{*this, light_context_};
     transport::follow_light_path(walk, light_, at);
   }
   // No light path: there are no light vertices to connect to.
-  void no_light() { light_.clear(); }
+  void no_light() {
+    light_.clear();
+    if constexpr (kMollifies) mollified_.clear_light();
+  }
   std::uint32_t light_size() const { return light_.size(); }
+  // No vertex of the light path can be connected to.
+  bool no_light_vertices() const {
+    if constexpr (kMollifies)
+      if (mollified_.any_light_end()) return false;
+    return light_.size() == 0;
+  }
   // Labelled sums of the last eye path, whose sum the sink has; null: the job has no expressions.
   transport::LayerSums* layer_sums() { return reads_letters() ? &eye_letters_->sums() : nullptr; }
   // The eye path along a ray.
   void trace_eye(const Ray& ray, Sampler& sampler) {
     if (reads_letters()) eye_letters_->begin(sampler.sample_key(), ray);
+    if constexpr (kMollifies) mollified_.eye_started(eye_context_, ray);
     EyeWalk walk(scene_, eye_rules_, factors_, sampler, tallies_);
     EyeSide at{{}, *this, eye_context_};
     transport::follow_eye_path(walk, ray, eye_, at);
   }
+
+  // The bandwidth of the paths to come.
+  void set_bandwidth(double bandwidth) { mollified_.set_bandwidth(bandwidth); }
 
   // The paths to come are those of this choice, all of which have s + t - 1 edges.
   void choose(const Choice& choice) {
@@ -158,6 +176,8 @@ class Bidirectional {
   std::vector<transport::ChannelStates> light_states_;  // before the vertices of light_
   transport::Towards towards_;
   const Vertex* light_end_ = nullptr;  // of the light path's vertex that is connected to the lens
+  [[no_unique_address]] std::conditional_t<kMollifies, MollifiedPaths, NoMollifiedPaths> mollified_{
+      eye_context_};
 };
 
 // Light that meets the lens (t = 0), connections to the lens (t = 1).
@@ -169,6 +189,7 @@ struct Bidirectional<Config>::LightSide {
   void started(const LightWalk& walk) {
     if constexpr (kRecords) e.sink_.light_started(walk.origin(), walk.sample_key());
     if (e.reads_letters()) e.light_letters_->begin(walk.origin(), walk.sample_key());
+    if constexpr (kMollifies) e.mollified_.light_started(walk.origin());
   }
   void met_lens(const LightWalk& walk, std::uint64_t key) {
     const std::uint32_t s = walk.lens().edges + 1;
@@ -208,10 +229,13 @@ struct Bidirectional<Config>::LightSide {
       if constexpr (kRecords) e.sink_.to_lens(e.light_, v, e.towards_.wi, film);
       e.to_light_sink(found, s, 1, film, rng::combine(key, 3));
     }
+    if constexpr (kMollifies)
+      e.mollified_.light_vertex(context, e.choice_, e.options_.min_edges, walk.draws(), v, key, e.sink_);
     return LightWalk::kPasses || e.choice_.light_goes_on(v.edges);
   }
   bool scattered(const LightWalk& walk, const Vertex& v) const {
     if (e.reads_letters()) e.light_letters_->scattered(v, walk.direction());
+    if constexpr (kMollifies) e.mollified_.light_scattered(context, v);
     return e.choice_.light_goes_on(v.edges);
   }
 };
@@ -244,10 +268,13 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
       if (e.techniques_.next_event && v.edges + 1 >= e.options_.min_edges) light_directly(walk, v);
       if (e.techniques_.connect) connect_all(walk, v);
     }
+    if constexpr (kMollifies)
+      e.mollified_.eye_vertex(context, e.choice_, e.options_.min_edges, walk.draws(), v, e.sink_);
     return EyeWalk::kPasses || e.choice_.eye_goes_on(v.edges);
   }
   bool scattered(const EyeWalk& walk, const Vertex& v) const {
     if (e.reads_letters()) e.eye_letters_->scattered(v, walk.direction());
+    if constexpr (kMollifies) e.mollified_.eye_scattered(context, v);
     return e.choice_.eye_goes_on(v.edges);
   }
 

@@ -30,6 +30,14 @@ class ListSink {
     const Spectrum value = light.weighted() * (per_light_ * factor_);
     if (out_->add(at, value) && labels != nullptr) out_->label(*labels);
   }
+  // Of a configuration that mollifies.
+  void mollified_eye(const transport::Contribution& found, std::uint32_t s, std::uint32_t t) {
+    eye(found, s, t);
+  }
+  void mollified_light(const transport::Contribution& found, std::uint32_t s, std::uint32_t t,
+                       transport::FilmPosition at, std::uint64_t key) {
+    light(found, s, t, at, key, nullptr, nullptr);
+  }
   // Adds the light along the eye's ray, at this film position. weight: of the sensor. sums: the light's parts
   // by labels; null if the job has no expressions.
   void finish_eye(transport::FilmPosition at, float weight, const transport::LayerSums* sums) {
@@ -45,10 +53,11 @@ class ListSink {
 };
 
 // Bidirectional for chains. ChoiceT: see there.
-template <transport::Between kB, class ChoiceT>
+template <transport::Between kB, class ChoiceT, bool kM = false>
 struct ListConfig {
   static constexpr transport::Between kBetween = kB;
   static constexpr bool kLists = false;
+  static constexpr bool kMollifies = kM;
   using Mis = transport::Balance;
   using Sampler = mcmc::PrimarySampler;
   using Sink = ListSink;

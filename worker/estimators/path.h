@@ -39,6 +39,7 @@
 #include "worker/transport/letters/layer_sums.h"
 #include "worker/transport/roulette.h"
 #include "worker/transport/technique/contribution.h"
+#include "worker/transport/technique/mollify.h"
 
 namespace candela::estimators {
 
@@ -49,13 +50,17 @@ inline float mis_weight(float p, float q, bool power) {
   return 1.0f / (1.0f + (power ? ratio * ratio : ratio));
 }
 
+// In the place of a mollifier: nothing is mollified.
+struct NoMollifier {};
+
 // One path. Of the techniques it knows next_event and hit_light; where both run they are weighted.
 // SceneT is scene::Scene, or what stands in for it to watch the rays. SamplerT likewise: samplers::Sampler,
 // or a chain's. FirstT: FirstVertex, if it has techniques of its own there. With groups of lights next event
 // estimation draws a point, and traces a shadow ray, for each of them
-// (docs/integrators/path.md, "Shadow rays").
+// (docs/integrators/path.md, "Shadow rays"). With a mollifier delta lobes are connected to lights that no ray
+// meets (transport/regularise.h).
 template <transport::Between kBetween, class SceneT, class SamplerT, class FirstT = NoFirstVertex,
-          bool kLetters = false>
+          bool kLetters = false, bool kMollifies = false>
 class PathTracer {
  public:
   PathTracer(const SceneT& scene, const PathOptions& options, const Techniques& techniques, SamplerT& sampler,
@@ -73,6 +78,8 @@ class PathTracer {
         first_(first),
         groups_(groups),
         letters_(letters) {}
+
+  void mollify(const transport::Mollifier& mollifier) { mollifier_ = mollifier; }
 
   // The radiance arriving along `ray`.
   Spectrum radiance(const Ray& ray) {
@@ -197,6 +204,9 @@ class PathTracer {
     }
     if (!first && next_event_ && connectible && depth_ + 1 >= options_.min_edges)
       sample_light(hit, side, eval_pdf, token);
+    if constexpr (kMollifies) {
+      if (closure.has_delta_lobes() && depth_ + 1 >= options_.min_edges) mollified_light(hit, wo, closure);
+    }
     scene::BsdfSample next;
     const float u_lobe = closure.chooses_lobe() ? draw_1d(transport::path_block::kLobe) : 0.0f;
     if (!closure.sample(wo, u_lobe, draw_2d(transport::path_block::kDirection),
@@ -280,6 +290,29 @@ class PathTracer {
         scene::DirectOutcome::sampled)
       add_drawn(here, light, block_, eval_pdf, token);
   }
+  // Next event estimation of the delta lobes at `here`, mollified: a path whose last vertex before a light
+  // that no ray meets is specular is found in no other way.
+  void mollified_light(const scene::SurfaceHit& here, Vec3 wo, const scene::Closure& closure) {
+    using namespace transport;
+    const float u_lobe = closure.chooses_lobe() ? draw_1d(path_block::kLobe) : 0.0f;
+    scene::TurningLobes lobes = scene::turning_lobes(closure, wo, u_lobe, draw_2d(path_block::kDirection),
+                                                 scene::TransportMode::radiance);
+    if (lobes.count == 0) return;
+    for (std::uint32_t i = 0; i < lobes.count; ++i)
+      lobes.lobes[i].wi = here.shading.to_world(lobes.lobes[i].wi);
+    scene::DirectSample light;
+    const float u_emitter = chooses_emitter_ ? draw_1d(path_block::kEmitterChoice) : 0.0f;
+    if (scene_.sample_direct(here, {}, u_emitter, draw_2d(path_block::kEmitterPoint), light) !=
+            scene::DirectOutcome::sampled ||
+        !light.delta)
+      return;
+    double length = 0;
+    Spectrum value = light_in_lobes(scene_, here, lobes, light, mollifier_, length);
+    if (value.is_black()) return;
+    pass_to_light(here, light, block_, value);
+    sum_ += throughput_ * value;
+  }
+
   template <class EvalPdf, class Token>
   [[gnu::noinline]] void sample_groups(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf,
                                        const Token& token) {
@@ -437,6 +470,8 @@ class PathTracer {
   bool bounded_ = false;       // roulette ends it for its edges, and it is counted
   scene::SurfaceHit hits_[2];  // the edge's end and its start, in turn
   scene::ClosureArena arena_;
+  // Not read but if it mollifies.
+  [[no_unique_address]] std::conditional_t<kMollifies, transport::Mollifier, NoMollifier> mollifier_;
   // The vertex before: a light cannot sample the camera; its shading normal lies on the viewer's side, and is
   // zero if it scatters through, and in a medium.
   bool previous_delta_ = true;

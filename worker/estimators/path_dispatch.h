@@ -45,4 +45,12 @@ RadianceFunction<SamplerT> path_radiance_for(transport::Between between, bool le
                  : path_radiance_between<SamplerT, false>(between);
 }
 
+// The form that mollifies: next event estimation of delta lobes, as a cone each (transport/regularise.h). One
+// form for all scenes, in a file of its own like those with letters.
+template <class SamplerT>
+Spectrum mollified_path_radiance(const scene::Scene& scene, const PathOptions& options,
+                                 const Techniques& techniques, const Ray& ray, SamplerT& sampler,
+                                 film::Tallies& tallies, const scene::LightGroups* groups,
+                                 const transport::Mollifier& mollifier);
+
 }  // namespace candela::estimators

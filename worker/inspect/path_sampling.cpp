@@ -42,6 +42,10 @@ Result<PathSampling> PathSampling::create(const Session& session, const PixelRec
   CANDELA_ASSIGN(
       const integrators::BdptSettings settings,
       integrators::parse_settings<integrators::BdptSettings>(session.settings().integrator_settings));
+  if (settings.regularise.on())
+    return usage_error("mollified connections are in no report of paths")
+        .with_field("regularise")
+        .with_mend("leave out regularise=on: the report has the paths that bdpt samples");
   const estimators::PathOptions options = settings.common.path_options();
   scene::SceneFeatures features = session.scene().features();
   features.reads_letters = true;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <type_traits>
 #include <vector>
 
 #include "common/base/work_monitor.h"
@@ -63,7 +64,8 @@ Spectrum eye_sample(const UnitContext& context, std::uint32_t x, std::uint32_t y
   return radiance(sample.ray, sampler, tallies) * sample.weight;
 }
 
-// radiance(ray, sampler, tallies, letters): letters, of the path, are null where nobody asks for layers.
+// radiance(ray, sampler, tallies, letters[, iteration]): letters, of the path, are null where nobody asks for
+// layers; iteration: of the job.
 template <class Radiance>
 Result<void> run_eye_samples(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
                              const RunContext& run, const Radiance& radiance) {
@@ -82,8 +84,14 @@ Result<void> run_eye_samples(const UnitContext& context, const Unit& unit, film:
               const std::uint64_t key = sampler.sample_key();
               const EyeRay sample = eye_ray(context, x, y, sampler);
               if (letters) letters->begin(key, sample.ray);
-              Spectrum value =
-                  radiance(sample.ray, sampler, tallies, letters ? &*letters : nullptr) * sample.weight;
+              Spectrum value = [&] {
+                transport::EyeLetters* const of_path = letters ? &*letters : nullptr;
+                if constexpr (std::is_invocable_v<const Radiance&, const Ray&, samplers::Sampler&,
+                                                  film::Tallies&, transport::EyeLetters*, std::uint64_t>)
+                  return radiance(sample.ray, sampler, tallies, of_path, global_iteration(unit.half, index));
+                else
+                  return radiance(sample.ray, sampler, tallies, of_path);
+              }() * sample.weight;
               if (run.fault != nullptr) run.fault(key, &value.r);
               const bool kept = film.add(0, x, y, {value.r, value.g, value.b}, key, tallies, signed_values);
               if (letters && kept) letters->sums().write(film, x, y, sample.weight, key);

@@ -2,37 +2,73 @@
 
 #include <fmt/format.h>
 
-#include <string>
-#include <string_view>
+#include <charconv>
+#include <utility>
 
 #include "common/job/plan_words.h"
+#include "worker/estimators/options.h"
 
 namespace candela::integrators {
 
-void note_lucky_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds,
-                      Plan& plan) {
-  const bool from_eye = finds == Finds::eye_paths;
-  // Light, glass, a matt surface, the eye; with glass between the last two where light paths are connected.
-  const std::uint32_t edges = from_eye ? 3 : 4;
+namespace {
+
+// The scene has paths that end as `finds` cannot: light, glass, a matt surface, the eye; with glass between
+// the last two if light paths are connected.
+bool hides_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds) {
+  const std::uint32_t edges = finds == Finds::eye_paths ? 3 : 4;
   const auto has = [&](const char* kind) { return features.bsdf_kinds.contains(kind); };
   // Surfaces that let light pass straight on focus none.
   const bool bends =
       features.any_delta_bsdf && (has("conductor") || has("dielectric") || has("plastic") || has("coating"));
   const bool rests = !features.all_bsdfs_delta || features.any_scattering_medium;
-  if (features.emitters == 0 || max_depth < edges || !bends || !rests) return;
-  const std::string_view where =
-      from_eye ? "over mirrors or glass onto other surfaces (caustics)"
-               : "over glass or mirrors, another surface, and glass or mirrors again to the eye";
-  if (features.any_delta_emitter)
-    plan.note(std::string(kMissingLight),
-              fmt::format("of points and directions {}: this integrator never finds it; {}", where,
-                          from_eye ? "vcm does, and bdpt what the eye sees directly" : "vcm does"));
+  return features.emitters > 0 && max_depth >= edges && bends && rests;
+}
+std::string_view over(Finds finds) {
+  return finds == Finds::eye_paths
+             ? "over mirrors or glass onto other surfaces (caustics)"
+             : "over glass or mirrors, another surface, and glass or mirrors again to the eye";
+}
+
+}  // namespace
+
+std::string missing_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds,
+                          Mollifies mollifies) {
+  if (!features.any_delta_emitter || mollifies == Mollifies::always ||
+      !hides_light(features, max_depth, finds))
+    return {};
+  return fmt::format(
+      "of points and directions {}: this integrator never finds it; {}{}", over(finds),
+      finds == Finds::eye_paths ? "take vcm, or bdpt for what the eye sees directly" : "take vcm",
+      mollifies == Mollifies::if_asked ? ", or give regularise=on, which blurs it" : "");
+}
+
+std::string missing_light(const scene::SceneFeatures& features, std::string_view integrator,
+                          const SettingsMap& settings) {
+  const auto setting = [&](const char* name) {
+    const auto found = settings.find(name);
+    return found == settings.end() ? std::string_view() : std::string_view(found->second);
+  };
+  const bool from_eye = integrator == "path" || (integrator == "pssmlt" && setting("over") == "path");
+  if (!from_eye && integrator != "bdpt" && integrator != "pssmlt" && integrator != "mmlt") return {};
+  int depth = -1;
+  const std::string_view text = setting("max_depth");
+  std::from_chars(text.data(), text.data() + text.size(), depth);
+  return missing_light(features, depth < 0 ? estimators::kNoDepthLimit : static_cast<std::uint32_t>(depth),
+                       from_eye ? Finds::eye_paths : Finds::connections,
+                       setting("regularise") == "on" ? Mollifies::always : Mollifies::if_asked);
+}
+
+void note_lucky_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds,
+                      Mollifies mollifies, Plan& plan) {
+  if (!hides_light(features, max_depth, finds)) return;
+  if (std::string missing = missing_light(features, max_depth, finds, mollifies); !missing.empty())
+    plan.note(std::string(kMissingLight), std::move(missing));
   const bool uneven = features.any_environment && features.environment_variation >= 1;
   if (features.any_area_emitter || uneven)
     plan.note(std::string(kLuckyLight),
-              fmt::format("{}: found only if a path happens to hit {}; {} finds it", where,
+              fmt::format("{}: found only if a path happens to hit {}; {} finds it", over(finds),
                           features.any_area_emitter ? "a lamp" : "the bright part of the environment",
-                          from_eye ? "vcm or bdpt" : "vcm"));
+                          finds == Finds::eye_paths ? "vcm or bdpt" : "vcm"));
 }
 
 }  // namespace candela::integrators

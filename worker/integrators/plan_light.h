@@ -2,7 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
+#include <string_view>
 
+#include "common/job/job.h"
 #include "worker/integrators/plan.h"
 #include "worker/scene/features.h"
 
@@ -13,8 +16,21 @@ enum class Finds : std::uint8_t {
   eye_paths,    // by eye paths that happen to hit an emitter
   connections,  // by light paths too, but for what meets the eye over glass again
 };
+// Whether an integrator mollifies light that it cannot sample (regularise.h).
+enum class Mollifies : std::uint8_t {
+  never,  // it has no such setting
+  if_asked,
+  always,  // it was asked
+};
+// What is missing, and the ways out: another integrator, or regularise=on. Empty: no light that is known of.
+std::string missing_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds,
+                          Mollifies mollifies);
+// The same of an integrator with these settings, which are complete.
+std::string missing_light(const scene::SceneFeatures& features, std::string_view integrator,
+                          const SettingsMap& settings);
 // Notes light that the integrator finds by luck alone, or never, with one that finds it. Such light is in no
 // variance before it is found, so the note stands beside the error's figure (common/job/plan_words.h).
-void note_lucky_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds, Plan& plan);
+void note_lucky_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds,
+                      Mollifies mollifies, Plan& plan);
 
 }  // namespace candela::integrators

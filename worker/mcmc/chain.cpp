@@ -102,7 +102,8 @@ bool run_mutations(Walker& walker, std::uint64_t mutations, const ChainRules& ru
     }
     // Nothing that is not finite, or not a density, is ever accepted: NaN compares false.
     double accept = 0;
-    if (proposed_scalar > 0 && ratio > 0) accept = std::min(1.0, ratio * (proposed_scalar / walker.scalar));
+    if (proposed_scalar > 0 && ratio > 0)  // from a state that vanished: infinity, and so 1
+      accept = std::min(1.0, ratio * (proposed_scalar / walker.scalar));
     stays += 1 - accept;
     const bool accepted = decide.next_double() < accept;
     if (proposed_scalar > 0) {
@@ -125,6 +126,7 @@ bool run_mutations(Walker& walker, std::uint64_t mutations, const ChainRules& ru
       space.reject();
       if (++counts.present_stay > counts.longest_stay) {
         counts.longest_stay = counts.present_stay;
+        if (present.splats().empty()) continue;  // it vanished, and is nowhere
         const transport::FilmPosition at = present.brightest();
         counts.stay_x = at.x;
         counts.stay_y = at.y;
@@ -147,7 +149,9 @@ Result<void> run_segment(StateSpace& space, const ChainRules& rules, std::uint64
     CANDELA_TRY(space.restore(record.state, walker.present));
   film::Tallies unused;  // a start that was rejected was never chosen
   walker.scalar = usable_scalar(walker.present, unused);
-  if (!(walker.scalar > 0) || walker.counts.mutations != record.segments * rules.segment_mutations)
+  const bool vanished = rules.states_vanish && record.segments > 0 && walker.scalar == 0;
+  if (!(walker.scalar > 0 || vanished) ||
+      walker.counts.mutations != record.segments * rules.segment_mutations)
     return input_error("the chain cannot start there: it is not a state of this job")
         .with_field("chain_starts");
   Splats splats(rules, outlets);

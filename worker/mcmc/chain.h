@@ -31,6 +31,9 @@ struct ChainRules {
   double prob_large = 0.3;
   std::uint64_t segment_mutations = 0;
   double pixels = 1;
+  // The target changes between segments: a state of an earlier segment may have the contribution 0. The chain
+  // then takes the first proposal that has any.
+  bool states_vanish = false;
 };
 
 // The key of bootstrap sample i, which is where a chain that starts there starts from.
@@ -77,7 +80,7 @@ class Deposit {
 struct Walker {
   StateSpace& space;
   SplatList present;           // of the space's present state
-  double scalar = 0;           // its scalar contribution, > 0
+  double scalar = 0;           // its scalar contribution, > 0 unless states vanish
   std::uint64_t key = 0;       // of the chain
   chains::ChainCounts counts;  // mutations so far name the next one
 };

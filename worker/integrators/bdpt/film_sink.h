@@ -36,15 +36,9 @@ class FilmSink {
     const Spectrum weighted = light.weighted();
     sum_ += weighted;
     if (!layers_.any()) return;
-    // A pixel's own sample, but other threads splat on the same pixels.
-    const auto add = [&](std::uint32_t layer, Spectrum value) {
-      if (layer == TechniqueLayers::kNoLayer) return;
-      value *= scale_;
-      film_.splat(layer, x_, y_, {value.r, value.g, value.b},
-                  rng::combine(key_, (std::uint64_t{s} << 32) | t), tallies_, true);
-    };
-    add(layers_.weighted(s, t), weighted);
-    add(layers_.unweighted(s, t), light.value);
+    const std::uint64_t technique = (std::uint64_t{s} << 32) | t;
+    add(layers_.weighted(s, t), weighted, technique);
+    add(layers_.unweighted(s, t), light.value, technique);
   }
 
   void light(const transport::Contribution& light, std::uint32_t s, std::uint32_t t,
@@ -60,7 +54,24 @@ class FilmSink {
       splatter_.splat(layer, at, light.value * each_, key, tallies_);
   }
 
+ protected:
+  // To the layer of mollified paths, if the job has one; from the eye, and splats.
+  void add_mollified(const transport::Contribution& light, std::uint32_t s, std::uint32_t t) {
+    add(layers_.mollified(), light.weighted(), (std::uint64_t{s} << 32) | t);
+  }
+  void splat_mollified(const transport::Contribution& light, transport::FilmPosition at, std::uint64_t key) {
+    if (const std::uint32_t layer = layers_.mollified(); layer != TechniqueLayers::kNoLayer)
+      splatter_.splat(layer, at, light.weighted() * each_, key, tallies_);
+  }
+
  private:
+  // A pixel's own sample, but other threads splat on the same pixels.
+  void add(std::uint32_t layer, Spectrum value, std::uint64_t word) {
+    if (layer == TechniqueLayers::kNoLayer) return;
+    value *= scale_;
+    film_.splat(layer, x_, y_, {value.r, value.g, value.b}, rng::combine(key_, word), tallies_, true);
+  }
+
   const TechniqueLayers& layers_;
   film::UnitFilm& film_;
   film::Tallies& tallies_;

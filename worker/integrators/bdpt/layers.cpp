@@ -13,6 +13,11 @@ TechniqueLayers::TechniqueLayers(bool weighted, bool unweighted, std::uint32_t d
   if (unweighted) unweighted_ = make_table("unweighted", own, false, lens);
 }
 
+void TechniqueLayers::add_mollified() {
+  names_.emplace_back("mollified");
+  mollified_ = static_cast<std::uint32_t>(names_.size());
+}
+
 TechniqueLayers::Table TechniqueLayers::make_table(const std::string& kind, std::uint32_t depth, bool deeper,
                                                    bool lens) {
   Table table;

@@ -18,6 +18,9 @@ class TechniqueLayers {
 
   static constexpr std::uint32_t kNoLayer = 0;  // the image's own
   std::uint32_t weighted(std::uint32_t s, std::uint32_t t) const { return find(weighted_, s, t); }
+  // A layer of all mollified paths, after all others.
+  void add_mollified();
+  std::uint32_t mollified() const { return mollified_; }
   std::uint32_t unweighted(std::uint32_t s, std::uint32_t t) const { return find(unweighted_, s, t); }
 
  private:
@@ -34,6 +37,7 @@ class TechniqueLayers {
 
   std::vector<std::string> names_;
   Table weighted_, unweighted_;
+  std::uint32_t mollified_ = kNoLayer;
 };
 
 }  // namespace candela::integrators::bdpt

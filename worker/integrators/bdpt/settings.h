@@ -1,6 +1,7 @@
 #pragma once
 
 #include "worker/integrators/common_settings.h"
+#include "worker/integrators/regularise.h"
 
 namespace candela::integrators {
 
@@ -9,6 +10,8 @@ struct BdptSettings {
   Choice heuristic{"balance", {"balance", "power", "maximum", "cutoff"}};
   Choice layers{"none", {"none", "weighted", "unweighted", "both"}};
   int layer_depth = 4;
+  RegulariseSettings regularise;
+  bool regularise_layer = false;
 
   template <class Visitor>
   void fields(Visitor& visit) {
@@ -19,6 +22,9 @@ struct BdptSettings {
         "layers", layers,
         "further layers in the EXR, one for each technique of s vertices from the light and t from the eye");
     visit("layer_depth", layer_depth, 1, 9, "edges of the longest paths that have layers of their own");
+    regularise.fields(visit);
+    visit("regularise_layer", regularise_layer,
+          "a further layer in the EXR, `mollified`, with the light that regularise=on shows");
     common.plan_field(visit);
   }
 };

@@ -3,12 +3,12 @@
 #include <string_view>
 
 #include "worker/integrators/plan_between.h"
-#include "worker/integrators/plan_light.h"
 #include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators::bidirectional {
 
-Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures& f, bool full) {
+Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures& f, bool full,
+             Mollifies mollifies) {
   Planned planned;
   estimators::Techniques& t = planned.techniques;
   t.merge_surface = t.merge_medium = false;
@@ -21,7 +21,7 @@ Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures&
     else
       planned.plan.decide(technique, name, possible && pays, why, pays ? "max_depth is too small" : why_not);
   };
-  note_lucky_light(f, options.max_depth, Finds::connections, planned.plan);
+  note_lucky_light(f, options.max_depth, Finds::connections, mollifies, planned.plan);
   if (full) planned.plan.use("everything", "plan=full");
   const bool lit = f.emitters > 0, scatters = !f.all_bsdfs_delta || f.any_scattering_medium;
   const std::string_view why_not =

@@ -75,6 +75,26 @@ ChainIntegrator::ChainIntegrator(const ChainSettings& settings, const estimators
     plan_.use("Metropolis", "light may be hard to find: " + reasons);
 }
 
+Result<ChainRegularization> chain_regularization(const ChainRegulariseSettings& settings,
+                                                 const ChainSettings& chains,
+                                                 const scene::SceneFeatures& features,
+                                                 std::uint32_t max_depth, transport::Connecting techniques,
+                                                 Plan& plan) {
+  const Regularization regularization = plan_regularization(settings, features, max_depth, techniques, plan);
+  CANDELA_TRY(check(regularization, features));
+  if (!regularization.runs()) return ChainRegularization();
+  if (chains.direct.value == "path")
+    return usage_error("the path tracing of direct=path finds nothing that is mollified")
+        .with_field("direct")
+        .with_mend("give direct=chain, or regularise=off");
+  const bool geometric = settings.schedule.value == "geometric";
+  if (geometric)
+    plan.note("regularise_schedule",
+              "a radius that falls by a constant factor for each mutation freezes the chains: their error "
+              "stops falling, whatever the number of mutations");
+  return ChainRegularization(regularization, geometric);
+}
+
 ChainPlan ChainIntegrator::chain_plan(FilmSize size) const {
   ChainPlan plan;
   plan.chains = static_cast<std::uint32_t>(settings_.chains);
@@ -105,7 +125,7 @@ Result<void> ChainIntegrator::run_bootstrap(const UnitContext& context, const Un
   CANDELA_TRY(for_each_task(
       divide_up(unit.end - unit.begin, kBootstrapChunk), tallies_only, run,
       [&](std::uint64_t chunk, film::Tallies& tallies) {
-        const auto space = make_space(context, tallies);
+        const auto space = make_space(context, tallies, regularization_.bandwidth(0));
         mcmc::SplatList list;
         const std::uint64_t from = unit.begin + chunk * kBootstrapChunk;
         for (std::uint64_t i = from; i < std::min(from + kBootstrapChunk, unit.end); ++i) {
@@ -137,6 +157,7 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
   rules.prob_large = settings_.large_step;
   rules.segment_mutations = plan.segment_mutations;
   rules.pixels = static_cast<double>(context.width) * context.height;
+  rules.states_vanish = regularization_.runs();
   if (!std::isfinite(input.state.bootstrap_b) || input.state.bootstrap_b < 0)
     return internal_error("the first estimate of b is negative or not finite");
   const bool dark = !(input.state.bootstrap_b > 0);
@@ -164,7 +185,8 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
       ++records[i].segments;
       progress.add(plan.segment_mutations);
     } else {
-      const auto space = make_space(context, tallies);
+      const std::uint64_t begin = starts[i].record.segments * plan.segment_mutations;
+      const auto space = make_space(context, tallies, regularization_.bandwidth(begin));
       const mcmc::ChainOutlets outlets{&splatter, tallies, run.stop, &progress, run.fault, context.letters};
       const auto done = mcmc::run_segment(*space, rules, chains::chain_of(unit.half, index, plan.chains),
                                           starts[i], outlets, records[i]);

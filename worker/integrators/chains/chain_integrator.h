@@ -27,14 +27,15 @@ class ChainIntegrator : public Integrator {
                   const scene::SceneFeatures& features, bool full_plan);
 
   // Another one for each thread and chain. It counts into the tallies and outlives neither them nor the
-  // context.
-  virtual std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context,
-                                                       film::Tallies& tallies) const = 0;
+  // context. bandwidth: of mollified paths, if there are any.
+  virtual std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, film::Tallies& tallies,
+                                                       double bandwidth) const = 0;
 
   // Options of the paths that the chains follow.
   const estimators::PathOptions& chain_options() const { return chain_options_; }
 
   Plan plan_;
+  ChainRegularization regularization_;
 
  private:
   ChainPlan chain_plan(FilmSize size) const;
@@ -50,5 +51,13 @@ class ChainIntegrator : public Integrator {
   estimators::PathOptions all_options_, chain_options_, direct_options_;
   Planned direct_;
 };
+
+// What the chains mollify. Says so in the plan. Fails (usage) if the other settings, or the job's layers, do
+// not go with it.
+Result<ChainRegularization> chain_regularization(const ChainRegulariseSettings& settings,
+                                                 const ChainSettings& chains,
+                                                 const scene::SceneFeatures& features,
+                                                 std::uint32_t max_depth, transport::Connecting techniques,
+                                                 Plan& plan);
 
 }  // namespace candela::integrators

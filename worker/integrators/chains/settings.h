@@ -2,6 +2,7 @@
 #pragma once
 
 #include "common/chains/chains.h"
+#include "worker/integrators/regularise.h"
 #include "worker/integrators/settings.h"
 
 namespace candela::integrators {
@@ -48,6 +49,19 @@ struct ChainSettings {
           "with direct=path: eye samples per pixel in one round");
   }
 };
+// Of chains that mollify what their estimator cannot sample.
+struct ChainRegulariseSettings : RegulariseSettings {
+  Choice schedule{"power", {"power", "geometric"}};
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    RegulariseSettings::fields(visit);
+    visit("regularise_schedule", schedule,
+          "how the radius falls over the mutations of a chain: power, by epochs of 10000; geometric, by 1e-4 "
+          "each, is for comparison alone: its chains freeze");
+  }
+};
+
 // The number of chains is even.
 Result<void> check(const ChainSettings& settings);
 

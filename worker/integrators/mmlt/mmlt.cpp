@@ -6,6 +6,7 @@
 
 #include "worker/integrators/bidirectional/plan.h"
 #include "worker/integrators/chains/chain_integrator.h"
+#include "worker/integrators/mmlt/mollified.h"
 #include "worker/integrators/mmlt/target.h"
 #include "worker/integrators/plan_between.h"
 #include "worker/integrators/plan_walks.h"
@@ -21,18 +22,29 @@ constexpr std::uint32_t kLongest = 1u << 20;
 
 class MmltIntegrator final : public ChainIntegrator {
  public:
-  MmltIntegrator(const MmltSettings& settings, const scene::SceneFeatures& features)
+  MmltIntegrator(const MmltSettings& settings, const scene::SceneFeatures& features,
+                 const ChainRegularization& regularization, const Plan& regularized)
       : ChainIntegrator(settings.chains, settings.common.path_options(), features,
                         settings.common.full_plan()),
         options_(chain_options()),
         steps_{settings.steps.step_least, settings.steps.step_most},
-        planned_(bidirectional::plan(options_, features, settings.common.full_plan())),
+        planned_(bidirectional::plan(options_, features, settings.common.full_plan(),
+                                     settings.regularise.mollifies())),
         lengths_(shortest(), std::max(shortest(), std::min(options_.max_depth, kLongest))) {
     plan_.append(planned_.plan);
+    regularization_ = regularization;
+    plan_.append(regularized);
     if (options_.max_depth < shortest()) {
       planned_.techniques = estimators::Techniques::none();
       plan_.skip("chains", "max_depth leaves nothing to them");
       return;
+    }
+    if (regularization.runs()) {
+      // Also if all surfaces are specular, and nothing else is connected: these are what a state chooses
+      // from.
+      estimators::Techniques& t = planned_.techniques;
+      t.next_event = t.light_image = t.light_paths = true;
+      t.connect = options_.max_depth >= 3;
     }
     note_lasting_media(features, std::min(options_.max_depth, kLongest), options_.rr_depth, plan_);
     plan_.use("path lengths",
@@ -48,8 +60,12 @@ class MmltIntegrator final : public ChainIntegrator {
     return std::max(options_.min_edges, seen ? 1U : 2U);
   }
 
-  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context,
-                                               film::Tallies& tallies) const override {
+  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, film::Tallies& tallies,
+                                               double bandwidth) const override {
+    if (regularization_.runs())
+      return std::make_unique<mcmc::PrimarySpace>(
+          mmlt::make_mollified_target(context, options_, planned_.techniques, lengths_, bandwidth, tallies),
+          steps_);
     return std::make_unique<mcmc::PrimarySpace>(
         with_between(planned_.between, [&](auto between) { return target<between()>(context, tallies); }),
         steps_);
@@ -73,7 +89,13 @@ Result<std::unique_ptr<Integrator>> make_mmlt_integrator(const SettingsMap& sett
   CANDELA_ASSIGN(const MmltSettings parsed, parse_settings<MmltSettings>(settings));
   CANDELA_TRY(check(parsed.chains));
   CANDELA_TRY(check(parsed.steps));
-  return std::unique_ptr<Integrator>(std::make_unique<MmltIntegrator>(parsed, features));
+  Plan regularized;
+  CANDELA_ASSIGN(
+      const ChainRegularization regularization,
+      chain_regularization(parsed.regularise, parsed.chains, features, parsed.common.path_options().max_depth,
+                           transport::Connecting::bidirectional, regularized));
+  return std::unique_ptr<Integrator>(
+      std::make_unique<MmltIntegrator>(parsed, features, regularization, regularized));
 }
 
 }  // namespace candela::integrators

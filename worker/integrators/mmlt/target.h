@@ -36,11 +36,13 @@ inline estimators::OneTechnique technique(std::uint32_t edges, const TechniqueCo
   return made_with(choice < count.light_image ? edges : edges + 1);
 }
 
-template <transport::Between kBetween>
+// kMollifies: paths that no technique can sample are mollified, with this bandwidth.
+template <transport::Between kBetween, bool kMollifies = false>
 class Target final : public mcmc::PrimaryTarget {
  public:
   Target(const UnitContext& context, const estimators::PathOptions& options,
-         const estimators::Techniques& techniques, const Lengths& lengths, film::Tallies& tallies)
+         const estimators::Techniques& techniques, const Lengths& lengths, film::Tallies& tallies,
+         [[maybe_unused]] double bandwidth = 0)
       : scene_(context.scene),
         film_(context.filter, context.width, context.height),
         sink_(film_),
@@ -48,7 +50,9 @@ class Target final : public mcmc::PrimaryTarget {
         lengths_(lengths),
         estimator_(context.scene, options, techniques, estimators::one_of_each(film_), sink_, tallies,
                    context.letters),
-        tallies_(tallies) {}
+        tallies_(tallies) {
+    if constexpr (kMollifies) estimator_.set_bandwidth(bandwidth);
+  }
 
   void evaluate(mcmc::PrimaryState& numbers, mcmc::SplatList& out) override {
     mcmc::PrimarySampler& choice = numbers.walk(mcmc::PrimaryState::choice);
@@ -66,7 +70,7 @@ class Target final : public mcmc::PrimaryTarget {
     else
       estimator_.no_light();
     if (chosen.t < 2) return;
-    if (chosen.s > 1 && estimator_.light_size() == 0) return;  // nothing to connect to
+    if (chosen.s > 1 && estimator_.no_light_vertices()) return;  // nothing to connect to
     mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
     const estimators::FilmRay ray = estimators::film_ray(scene_, film_, eye);
     ++tallies_.eye_samples;
@@ -82,7 +86,8 @@ class Target final : public mcmc::PrimaryTarget {
   estimators::ListSink sink_;
   const estimators::Techniques& techniques_;
   const Lengths& lengths_;
-  estimators::Bidirectional<estimators::ListConfig<kBetween, estimators::OneTechnique>> estimator_;
+  estimators::Bidirectional<estimators::ListConfig<kBetween, estimators::OneTechnique, kMollifies>>
+      estimator_;
   film::Tallies& tallies_;
 };
 

@@ -12,15 +12,18 @@ namespace {
 
 class PathIntegrator final : public IterationIntegrator {
  public:
-  PathIntegrator(const estimators::PathOptions& options, Planned planned, bool ray_a_group, bool letters)
+  PathIntegrator(const estimators::PathOptions& options, Planned planned, bool ray_a_group, bool letters,
+                 const Regularization& regularization)
       : IterationIntegrator(options, std::move(planned)),
         ray_a_group_(ray_a_group),
+        regularization_(regularization),
         radiance_(estimators::path_radiance_for<samplers::Sampler>(planned_.between, letters)),
         pilot_radiance_(estimators::path_radiance_for<samplers::Sampler>(planned_.between, false)) {}
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
     const auto groups = groups_of(context.scene);
+    if (regularization_.runs()) return run_mollified(context, unit, groups.get(), *output.film, run_context);
     return run_eye_samples(context, unit, *output.film, run_context,
                            [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies,
                                transport::EyeLetters* letters) {
@@ -39,6 +42,18 @@ class PathIntegrator final : public IterationIntegrator {
   }
 
  private:
+  Result<void> run_mollified(const UnitContext& context, const Unit& unit, const scene::LightGroups* groups,
+                             film::UnitFilm& film, const RunContext& run_context) const {
+    return run_eye_samples(context, unit, film, run_context,
+                           [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies,
+                               transport::EyeLetters* /*letters*/, std::uint64_t iteration) {
+                             const transport::Mollifier mollifier(regularization_.bandwidth(iteration));
+                             return estimators::mollified_path_radiance(context.scene, options_,
+                                                                        planned_.techniques, ray, sampler,
+                                                                        tallies, groups, mollifier);
+                           });
+  }
+
   // Null: one shadow ray a vertex.
   std::unique_ptr<scene::LightGroups> groups_of(const scene::Scene& scene) const {
     if (!ray_a_group_) return nullptr;
@@ -46,6 +61,7 @@ class PathIntegrator final : public IterationIntegrator {
   }
 
   const bool ray_a_group_;
+  const Regularization regularization_;
   const estimators::RadianceFunction<samplers::Sampler> radiance_, pilot_radiance_;
 };
 
@@ -58,9 +74,12 @@ Result<std::unique_ptr<Integrator>> make_path_integrator(const SettingsMap& sett
   options.heuristic = heuristic_named(parsed.heuristic.value);
   const bool full = parsed.common.full_plan();
   const bool ray_a_group = !full && path::ray_a_group(features);
-  Planned planned = path::plan(options, features, full, ray_a_group);
-  return std::unique_ptr<Integrator>(
-      std::make_unique<PathIntegrator>(options, std::move(planned), ray_a_group, features.reads_letters));
+  Planned planned = path::plan(options, features, full, ray_a_group, parsed.regularise.mollifies());
+  const Regularization regularization = plan_regularization(parsed.regularise, features, options.max_depth,
+                                                            transport::Connecting::next_event, planned.plan);
+  CANDELA_TRY(check(regularization, features));
+  return std::unique_ptr<Integrator>(std::make_unique<PathIntegrator>(
+      options, std::move(planned), ray_a_group, features.reads_letters, regularization));
 }
 
 }  // namespace candela::integrators

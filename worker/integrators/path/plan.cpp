@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include "worker/integrators/plan_between.h"
-#include "worker/integrators/plan_light.h"
 #include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators::path {
@@ -15,13 +14,13 @@ bool ray_a_group(const scene::SceneFeatures& features) {
 }
 
 Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures& features, bool full,
-             bool rays_a_group) {
+             bool rays_a_group, Mollifies mollifies) {
   Planned planned;
   Plan& plan = planned.plan;
   estimators::Techniques& techniques = planned.techniques;
   techniques = estimators::Techniques::none();
   techniques.eye_paths = techniques.next_event = techniques.hit_light = true;
-  note_lucky_light(features, options.max_depth, Finds::eye_paths, plan);
+  note_lucky_light(features, options.max_depth, Finds::eye_paths, mollifies, plan);
   if (full) {
     plan.use("everything", "plan=full");
     return planned;

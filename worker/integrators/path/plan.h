@@ -1,6 +1,7 @@
 // What path tracing needs for a scene.
 #pragma once
 
+#include "worker/integrators/plan_light.h"
 #include "worker/integrators/planned.h"
 #include "worker/scene/features.h"
 
@@ -10,7 +11,8 @@ namespace candela::integrators::path {
 bool ray_a_group(const scene::SceneFeatures& features);
 
 // rays_a_group: its caller traces a shadow ray for each group of lights, where next event estimation runs.
+// mollifies: of its caller, what the techniques cannot sample.
 Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures& features, bool full,
-             bool rays_a_group = false);
+             bool rays_a_group = false, Mollifies mollifies = Mollifies::never);
 
 }  // namespace candela::integrators::path

@@ -6,6 +6,7 @@
 #include "worker/integrators/path/plan.h"
 #include "worker/integrators/plan_between.h"
 #include "worker/integrators/plan_walks.h"
+#include "worker/integrators/pssmlt/mollified.h"
 #include "worker/integrators/pssmlt/targets.h"
 #include "worker/mcmc/primary_space.h"
 
@@ -16,27 +17,37 @@ using transport::Between;
 
 class PssmltIntegrator final : public ChainIntegrator {
  public:
-  PssmltIntegrator(const PssmltSettings& settings, const scene::SceneFeatures& features)
+  PssmltIntegrator(const PssmltSettings& settings, const scene::SceneFeatures& features,
+                   const ChainRegularization& regularization, const Plan& regularized)
       : ChainIntegrator(settings.chains, settings.path_options(), features, settings.common.full_plan()),
         over_path_(settings.over.value == "path"),
         options_(chain_options()),
         steps_{settings.steps.step_least, settings.steps.step_most} {
+    regularization_ = regularization;
+    const Mollifies mollifies = settings.regularise.mollifies();
     if (over_path_) {
       options_.heuristic = transport::MisHeuristic::power;
-      planned_ = path::plan(options_, features, settings.common.full_plan());
+      planned_ = path::plan(options_, features, settings.common.full_plan(), false, mollifies);
     } else {
-      planned_ = bidirectional::plan(options_, features, settings.common.full_plan());
+      planned_ = bidirectional::plan(options_, features, settings.common.full_plan(), mollifies);
       note_lasting_media(features, options_.max_depth, options_.rr_depth, planned_.plan);
     }
     plan_.append(planned_.plan);
+    plan_.append(regularized);
+    // Also if all surfaces are specular, and nothing else is connected.
+    if (regularization.runs() && !over_path_) planned_.techniques.light_paths = true;
   }
 
  private:
-  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context,
-                                               film::Tallies& tallies) const override {
-    return std::make_unique<mcmc::PrimarySpace>(make_target(context, tallies), steps_);
+  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, film::Tallies& tallies,
+                                               double bandwidth) const override {
+    return std::make_unique<mcmc::PrimarySpace>(make_target(context, tallies, bandwidth), steps_);
   }
-  std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context, film::Tallies& tallies) const {
+  std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context, film::Tallies& tallies,
+                                                   double bandwidth) const {
+    if (regularization_.runs())
+      return pssmlt::make_mollified_target(over_path_, context, options_, planned_.techniques, bandwidth,
+                                           tallies);
     if (over_path_)
       return std::make_unique<pssmlt::PathTarget>(
           context, options_, planned_.techniques,
@@ -63,7 +74,15 @@ Result<std::unique_ptr<Integrator>> make_pssmlt_integrator(const SettingsMap& se
   CANDELA_ASSIGN(const PssmltSettings parsed, parse_settings<PssmltSettings>(settings));
   CANDELA_TRY(check(parsed.chains));
   CANDELA_TRY(check(parsed.steps));
-  return std::unique_ptr<Integrator>(std::make_unique<PssmltIntegrator>(parsed, features));
+  using transport::Connecting;
+  const Connecting techniques =
+      parsed.over.value == "path" ? Connecting::next_event : Connecting::bidirectional;
+  Plan regularized;
+  CANDELA_ASSIGN(const ChainRegularization regularization,
+                 chain_regularization(parsed.regularise, parsed.chains, features,
+                                      parsed.path_options().max_depth, techniques, regularized));
+  return std::unique_ptr<Integrator>(
+      std::make_unique<PssmltIntegrator>(parsed, features, regularization, regularized));
 }
 
 }  // namespace candela::integrators

@@ -12,6 +12,7 @@ struct PssmltSettings {
   CommonSettings common{integrator_words::kPssmlt};
   ChainSettings chains;
   PrimarySettings steps;
+  ChainRegulariseSettings regularise;
 
   estimators::PathOptions path_options() const {
     estimators::PathOptions options = common.path_options();
@@ -33,6 +34,7 @@ struct PssmltSettings {
                     "bdpt ({}) or path ({})",
                     kBdpt.rr_depth, kPath.rr_depth));
     chains.fields(visit, steps);
+    regularise.fields(visit);
     common.plan_field(visit);
   }
 };

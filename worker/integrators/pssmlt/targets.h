@@ -49,17 +49,20 @@ class PathTarget final : public mcmc::PrimaryTarget {
   std::optional<transport::EyeLetters> letters_;
 };
 
-template <transport::Between kBetween>
+// kMollifies: paths that no technique can sample are mollified, with this bandwidth.
+template <transport::Between kBetween, bool kMollifies = false>
 class BdptTarget final : public mcmc::PrimaryTarget {
  public:
   BdptTarget(const UnitContext& context, const PathOptions& options, const Techniques& techniques,
-             film::Tallies& tallies)
+             film::Tallies& tallies, [[maybe_unused]] double bandwidth = 0)
       : scene_(context.scene),
         film_(context.filter, context.width, context.height),
         sink_(film_),
         light_paths_(techniques.light_paths),
         estimator_(context.scene, options, techniques, one_of_each(film_), sink_, tallies, context.letters),
-        tallies_(tallies) {}
+        tallies_(tallies) {
+    if constexpr (kMollifies) estimator_.set_bandwidth(bandwidth);
+  }
 
   void evaluate(mcmc::PrimaryState& numbers, mcmc::SplatList& out) override {
     sink_.start(out);
@@ -76,7 +79,8 @@ class BdptTarget final : public mcmc::PrimaryTarget {
   estimators::FilmDomain film_;
   estimators::ListSink sink_;
   bool light_paths_;
-  estimators::Bidirectional<estimators::ListConfig<kBetween, estimators::EveryTechnique>> estimator_;
+  estimators::Bidirectional<estimators::ListConfig<kBetween, estimators::EveryTechnique, kMollifies>>
+      estimator_;
   film::Tallies& tallies_;
 };
 

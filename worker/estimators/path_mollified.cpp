@@ -1,0 +1,24 @@
+// The path tracer's form that mollifies.
+#include "worker/estimators/path_dispatch.h"
+#include "worker/mcmc/primary_state.h"
+
+namespace candela::estimators {
+
+template <class SamplerT>
+Spectrum mollified_path_radiance(const scene::Scene& scene, const PathOptions& options,
+                                 const Techniques& techniques, const Ray& ray, SamplerT& sampler,
+                                 film::Tallies& tallies, const scene::LightGroups* groups,
+                                 const transport::Mollifier& mollifier) {
+  PathTracer<transport::Between::media, scene::Scene, SamplerT, NoFirstVertex, false, true> path(
+      scene, options, techniques, sampler, tallies, nullptr, groups);
+  path.mollify(mollifier);
+  return path.radiance(ray);
+}
+template Spectrum mollified_path_radiance(const scene::Scene&, const PathOptions&, const Techniques&,
+                                          const Ray&, samplers::Sampler&, film::Tallies&,
+                                          const scene::LightGroups*, const transport::Mollifier&);
+template Spectrum mollified_path_radiance(const scene::Scene&, const PathOptions&, const Techniques&,
+                                          const Ray&, mcmc::PrimarySampler&, film::Tallies&,
+                                          const scene::LightGroups*, const transport::Mollifier&);
+
+}  // namespace candela::estimators

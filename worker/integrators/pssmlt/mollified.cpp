@@ -1,0 +1,49 @@
+#include "worker/integrators/pssmlt/mollified.h"
+
+#include "worker/integrators/pssmlt/targets.h"
+
+namespace candela::integrators::pssmlt {
+namespace {
+
+class MollifiedPathTarget final : public mcmc::PrimaryTarget {
+ public:
+  MollifiedPathTarget(const UnitContext& context, const PathOptions& options, const Techniques& techniques,
+                      double bandwidth, film::Tallies& tallies)
+      : scene_(context.scene),
+        options_(options),
+        techniques_(techniques),
+        mollifier_(bandwidth),
+        film_(context.filter, context.width, context.height),
+        tallies_(tallies) {}
+
+  void evaluate(mcmc::PrimaryState& numbers, mcmc::SplatList& out) override {
+    mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
+    const FilmRay ray = film_ray(scene_, film_, eye);
+    ++tallies_.eye_samples;
+    const Spectrum value = estimators::mollified_path_radiance(scene_, options_, techniques_, ray.ray, eye,
+                                                               tallies_, nullptr, mollifier_);
+    out.add(ray.at, value * (ray.weight * static_cast<float>(film_.area_over_film())));
+  }
+
+ private:
+  const scene::Scene& scene_;
+  const PathOptions& options_;
+  const Techniques& techniques_;
+  const transport::Mollifier mollifier_;
+  estimators::FilmDomain film_;
+  film::Tallies& tallies_;
+};
+
+}  // namespace
+
+std::unique_ptr<mcmc::PrimaryTarget> make_mollified_target(bool over_path, const UnitContext& context,
+                                                           const PathOptions& options,
+                                                           const Techniques& techniques, double bandwidth,
+                                                           film::Tallies& tallies) {
+  if (over_path)
+    return std::make_unique<MollifiedPathTarget>(context, options, techniques, bandwidth, tallies);
+  return std::make_unique<BdptTarget<transport::Between::media, true>>(context, options, techniques, tallies,
+                                                                       bandwidth);
+}
+
+}  // namespace candela::integrators::pssmlt

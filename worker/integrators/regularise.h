@@ -1,0 +1,83 @@
+// Path-space regularization as integrators have it: the settings, what a scene needs of it, and the bandwidth
+// of each sample (transport/regularise.h).
+#pragma once
+
+#include <cstdint>
+
+#include "worker/integrators/plan.h"
+#include "worker/integrators/plan_light.h"
+#include "worker/integrators/settings.h"
+#include "worker/scene/features.h"
+#include "worker/transport/regularise.h"
+
+namespace candela::integrators {
+
+struct RegulariseSettings {
+  Choice regularise{"off", {"off", "on"}};
+  double radius = 0.01;
+  double exponent = 1.0 / 6;
+
+  bool on() const { return regularise.value == "on"; }
+  Mollifies mollifies() const { return on() ? Mollifies::always : Mollifies::if_asked; }
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    visit("regularise", regularise,
+          "on blurs light that no technique of this integrator can sample, and shows it; off leaves it out");
+    visit("regularise_radius", radius, NumberRange{0, 1, true},
+          "first radius of the blur, as a fraction of the radius of the scene's bounding sphere");
+    visit("regularise_exponent", exponent, NumberRange{0, 0.5, false, true},
+          "the radius falls as n^-exponent over the job; 0: it stays, and so does the bias");
+  }
+};
+
+// What runs in a scene, and its bandwidths. Bandwidths are a function of the settings, the scene and the
+// sample's index in the job.
+class Regularization {
+ public:
+  Regularization() = default;
+  Regularization(double first, double exponent) : runs_(true), first_(first), exponent_(exponent) {}
+
+  bool runs() const { return runs_; }
+  double first() const { return first_; }
+  double bandwidth(std::uint64_t iteration) const {
+    return transport::bandwidth(first_, iteration, exponent_);
+  }
+
+ private:
+  bool runs_ = false;
+  double first_ = 1, exponent_ = 0;
+};
+
+// Bandwidths of chains: of each segment one, so that a segment is a function of its number and its start, and
+// detailed balance holds in it. Epochs are of kEpochMutations mutations of a chain; a segment belongs to the
+// epoch that it begins in. [regularisation note, section 8]
+class ChainRegularization {
+ public:
+  static constexpr std::uint64_t kEpochMutations = 10000;
+
+  ChainRegularization() = default;
+  ChainRegularization(const Regularization& regularization, bool geometric)
+      : regularization_(regularization), geometric_(geometric) {}
+
+  bool runs() const { return regularization_.runs(); }
+  // Of the segment that begins with this mutation of its chain. The bootstrap has that of mutation 0.
+  double bandwidth(std::uint64_t mutation) const;
+
+ private:
+  Regularization regularization_;
+  bool geometric_ = false;
+};
+
+// The scene has paths of at most max_depth edges that no technique in this list can sample.
+bool has_unsampled_paths(const scene::SceneFeatures& features, std::uint32_t max_depth,
+                         transport::Connecting techniques);
+
+// Decides, and says so in the plan. Says nothing if the settings have it off.
+Regularization plan_regularization(const RegulariseSettings& settings, const scene::SceneFeatures& features,
+                                   std::uint32_t max_depth, transport::Connecting techniques, Plan& plan);
+
+// Fails (usage) if the job has layers by light path expressions: mollified paths have no letters.
+Result<void> check(const Regularization& regularization, const scene::SceneFeatures& features);
+
+}  // namespace candela::integrators
