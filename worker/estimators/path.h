@@ -296,7 +296,7 @@ class PathTracer {
     using namespace transport;
     const float u_lobe = closure.chooses_lobe() ? draw_1d(path_block::kLobe) : 0.0f;
     scene::TurningLobes lobes = scene::turning_lobes(closure, wo, u_lobe, draw_2d(path_block::kDirection),
-                                                 scene::TransportMode::radiance);
+                                                     scene::TransportMode::radiance);
     if (lobes.count == 0) return;
     for (std::uint32_t i = 0; i < lobes.count; ++i)
       lobes.lobes[i].wi = here.shading.to_world(lobes.lobes[i].wi);
