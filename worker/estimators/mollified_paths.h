@@ -50,7 +50,7 @@ class MollifiedPaths {
     const double length = light_from_.length(context.scene, v.hit.p);
     if (v.connectible && light_.last() == specular) add_light_end(v, {}, diffuse, length);
     if (!has_delta(v)) return;
-    const scene::DeltaLobes lobes = draw_lobes(draws, v, scene::TransportMode::importance);
+    const scene::TurningLobes lobes = draw_lobes(draws, v, scene::TransportMode::importance);
     if (lobes.count == 0) return;
     const LightEnd& end = add_light_end(v, lobes, specular, length);
     const std::uint32_t s = v.edges + 1;
@@ -85,7 +85,7 @@ class MollifiedPaths {
     const double length = eye_from_.length(context.scene, v.hit.p);
     if (v.connectible && eye_.last() == specular) connect_all(choice, draws, v, nullptr, length, sink);
     if (!has_delta(v)) return;
-    const scene::DeltaLobes lobes = draw_lobes(draws, v, scene::TransportMode::radiance);
+    const scene::TurningLobes lobes = draw_lobes(draws, v, scene::TransportMode::radiance);
     if (lobes.count == 0) return;
     if (v.edges + 1 >= min_edges && choice.wants(1, v.edges + 1))
       light_directly(context, draws, v, lobes, length, sink);
@@ -106,7 +106,7 @@ class MollifiedPaths {
   };
   struct LightEnd {
     const transport::ScatterPoint* v;
-    scene::DeltaLobes lobes;
+    scene::TurningLobes lobes;
     transport::SubpathString string;  // with its own letter
   };
 
@@ -121,7 +121,7 @@ class MollifiedPaths {
     return v.on_surface() && !v.closure.black && v.closure.has_delta_lobes();
   }
   template <class SamplerT>
-  static scene::DeltaLobes draw_lobes(const transport::VertexDraws<SamplerT>& draws,
+  static scene::TurningLobes draw_lobes(const transport::VertexDraws<SamplerT>& draws,
                                       const transport::ScatterPoint& v, scene::TransportMode mode) {
     const float u_lobe = v.closure.chooses_lobe() ? draws.draw_1d(transport::kLobe) : 0.0f;
     return transport::lobes_at(v, u_lobe, draws.draw_2d(transport::kDirection), mode);
@@ -137,7 +137,7 @@ class MollifiedPaths {
     string.add(v.left_by_delta ? specular : diffuse, from.length(scene, v.hit.p));
     from = {Vec3d(v.hit.p), true};
   }
-  LightEnd& add_light_end(const transport::ScatterPoint& v, const scene::DeltaLobes& lobes,
+  LightEnd& add_light_end(const transport::ScatterPoint& v, const scene::TurningLobes& lobes,
                           transport::Letter letter, double length) {
     LightEnd& end = light_ends_.emplace_back(LightEnd{&v, lobes, light_});
     end.string.add(letter, length);
@@ -146,7 +146,7 @@ class MollifiedPaths {
 
   template <class SamplerT, class Sink>
   void light_directly(const transport::ConnectContext& context, const transport::VertexDraws<SamplerT>& draws,
-                      const transport::ScatterPoint& v, const scene::DeltaLobes& lobes, double length,
+                      const transport::ScatterPoint& v, const scene::TurningLobes& lobes, double length,
                       Sink& sink) const {
     using enum transport::Letter;
     scene::DirectSample light;
@@ -167,7 +167,7 @@ class MollifiedPaths {
   // lobes: null, v is the end that is not mollified.
   template <class Choice, class SamplerT, class Sink>
   void connect_all(const Choice& choice, const transport::VertexDraws<SamplerT>& draws,
-                   const transport::ScatterPoint& v, const scene::DeltaLobes* lobes, double length,
+                   const transport::ScatterPoint& v, const scene::TurningLobes* lobes, double length,
                    Sink& sink) const {
     using enum transport::Letter;
     if (light_ends_.empty()) return;
