@@ -32,7 +32,7 @@ struct VolumeOptions {
 };
 
 // The options that can be read without the scene.
-struct Choice {
+struct VolumeChoice {
   VolumeRequest request;
   std::optional<inspect::PixelRect> pixels;
   VolumePictures pictures;
@@ -86,7 +86,7 @@ Result<void> choose_resolution(const VolumeOptions& options, CellGrid& grid) {
   return {};
 }
 
-Result<void> choose_outputs(const VolumeOptions& options, Choice& choice) {
+Result<void> choose_outputs(const VolumeOptions& options, VolumeChoice& choice) {
   if (!options.output && !options.png && !options.slices)
     return usage_error("no output is given")
         .with_field("--output")
@@ -106,8 +106,8 @@ Result<void> choose_outputs(const VolumeOptions& options, Choice& choice) {
   return {};
 }
 
-Result<Choice> choose(const VolumeOptions& options) {
-  Choice choice;
+Result<VolumeChoice> choose(const VolumeOptions& options) {
+  VolumeChoice choice;
   CANDELA_TRY(choose_box(options, choice.request.grid));
   CANDELA_TRY(choose_resolution(options, choice.request.grid));
   CANDELA_TRY(choose_outputs(options, choice));
@@ -183,7 +183,7 @@ Result<void> write_figure(const std::string& file, const image::Figure& figure) 
 }
 
 Result<int> run_volume(Context& context, const VolumeOptions& options) {
-  CANDELA_ASSIGN(Choice choice, choose(options));
+  CANDELA_ASSIGN(VolumeChoice choice, choose(options));
   CANDELA_ASSIGN(const OpenedScene opened, open_for_inspection(context, options.inspect, "bdpt"));
   CANDELA_TRY(check_no_spot(opened));
   VolumeRequest& request = choice.request;

@@ -38,7 +38,7 @@ struct Case {
   std::size_t most;  // lobes
 };
 
-TEST(TurningLobes, AreAllThatWalksTake) {
+TEST(DeltaLobes, AreAllThatWalksTake) {
   const std::vector<Case> cases = {
       {kMatt, 0},
       {kGlass, 2},
