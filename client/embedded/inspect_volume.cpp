@@ -131,7 +131,7 @@ Result<VolumeChoice> choose(const VolumeOptions& options) {
   return choice;
 }
 
-double luminance_of(Vec3d v) {
+double luminance_of_cell(Vec3d v) {
   return 0.212671 * v.x + 0.715160 * v.y + 0.072169 * v.z;
 }
 
@@ -146,7 +146,7 @@ void print(Context& context, const VolumeOptions& options, const VolumeRequest& 
            const VolumeReport& report, const loaders::VolumeData& data) {
   const CellGrid& grid = request.grid;
   const auto color = [](Vec3d v) { return Json::array({v.x, v.y, v.z}); };
-  const double mean = luminance_of(report.mean), crossing = luminance_of(report.crossing);
+  const double mean = luminance_of_cell(report.mean), crossing = luminance_of_cell(report.crossing);
   if (options.json) {
     const inspect::PixelRect& r = request.pixels;
     const Json json = {{"box", {color(grid.low), color(grid.high)}},
