@@ -86,7 +86,7 @@ Result<void> choose_resolution(const VolumeOptions& options, CellGrid& grid) {
   return {};
 }
 
-Result<void> choose_outputs(const VolumeOptions& options, VolumeChoice& choice) {
+Result<void> choose_volume_outputs(const VolumeOptions& options, VolumeChoice& choice) {
   if (!options.output && !options.png && !options.slices)
     return usage_error("no output is given")
         .with_field("--output")
@@ -106,11 +106,11 @@ Result<void> choose_outputs(const VolumeOptions& options, VolumeChoice& choice) 
   return {};
 }
 
-Result<VolumeChoice> choose(const VolumeOptions& options) {
+Result<VolumeChoice> choose_volume(const VolumeOptions& options) {
   VolumeChoice choice;
   CANDELA_TRY(choose_box(options, choice.request.grid));
   CANDELA_TRY(choose_resolution(options, choice.request.grid));
-  CANDELA_TRY(choose_outputs(options, choice));
+  CANDELA_TRY(choose_volume_outputs(options, choice));
   if (options.pixels) {
     CANDELA_ASSIGN(choice.pixels, parse_pixel_rect(*options.pixels, "--pixels"));
   }
@@ -131,7 +131,7 @@ Result<VolumeChoice> choose(const VolumeOptions& options) {
   return choice;
 }
 
-double luminance_of_cell(Vec3d v) {
+double volume_luminance(Vec3d v) {
   return 0.212671 * v.x + 0.715160 * v.y + 0.072169 * v.z;
 }
 
@@ -142,11 +142,11 @@ double largest_luminance(const loaders::VolumeData& data) {
   return static_cast<double>(largest);
 }
 
-void print(Context& context, const VolumeOptions& options, const VolumeRequest& request,
-           const VolumeReport& report, const loaders::VolumeData& data) {
+void print_volume(Context& context, const VolumeOptions& options, const VolumeRequest& request,
+                  const VolumeReport& report, const loaders::VolumeData& data) {
   const CellGrid& grid = request.grid;
   const auto color = [](Vec3d v) { return Json::array({v.x, v.y, v.z}); };
-  const double mean = luminance_of_cell(report.mean), crossing = luminance_of_cell(report.crossing);
+  const double mean = volume_luminance(report.mean), crossing = volume_luminance(report.crossing);
   if (options.json) {
     const inspect::PixelRect& r = request.pixels;
     const Json json = {{"box", {color(grid.low), color(grid.high)}},
@@ -183,7 +183,7 @@ Result<void> write_figure(const std::string& file, const image::Figure& figure) 
 }
 
 Result<int> run_volume(Context& context, const VolumeOptions& options) {
-  CANDELA_ASSIGN(VolumeChoice choice, choose(options));
+  CANDELA_ASSIGN(VolumeChoice choice, choose_volume(options));
   CANDELA_ASSIGN(const OpenedScene opened, open_for_inspection(context, options.inspect, "bdpt"));
   CANDELA_TRY(check_no_spot(opened));
   VolumeRequest& request = choice.request;
@@ -206,7 +206,7 @@ Result<int> run_volume(Context& context, const VolumeOptions& options) {
     }
     if (options.png) CANDELA_TRY(write_figure(*options.png, draw_projection(data, choice.pictures)));
     if (options.slices) CANDELA_TRY(write_figure(*options.slices, draw_slices(data, choice.pictures)));
-    print(context, options, request, report, data);
+    print_volume(context, options, request, report, data);
     return 0;
   });
 }

@@ -51,7 +51,7 @@ std::uint32_t times_for(std::uint32_t width, std::uint32_t height) {
 }
 
 // From 0, or from the smallest value above 0, to nearly the brightest.
-image::ColorScale scale_of(const std::vector<float>& values, bool logarithmic) {
+image::ColorScale volume_scale(const std::vector<float>& values, bool logarithmic) {
   std::vector<float> lit;
   std::copy_if(values.begin(), values.end(), std::back_inserter(lit), [](float v) { return v > 0; });
   image::ColorScale scale;
@@ -66,15 +66,15 @@ image::ColorScale scale_of(const std::vector<float>& values, bool logarithmic) {
 }
 
 // Copies a picture, each pixel `times` wide and high, to a place of a wider one.
-void place(const VolumePicture& picture, std::uint32_t times, std::uint32_t x0, std::uint32_t y0,
-           VolumePicture& on) {
+void place_picture(const VolumePicture& picture, std::uint32_t times, std::uint32_t x0, std::uint32_t y0,
+                   VolumePicture& on) {
   for (std::uint32_t y = 0; y < picture.height * times; ++y)
     for (std::uint32_t x = 0; x < picture.width * times; ++x)
       on.values[std::size_t{y0 + y} * on.width + x0 + x] =
           picture.values[std::size_t{y / times} * picture.width + x / times];
 }
 
-const char* name_of(std::size_t axis) {
+const char* axis_name(std::size_t axis) {
   constexpr std::array<const char*, 3> names = {"x", "y", "z"};
   return names[axis];
 }
@@ -102,11 +102,11 @@ image::Figure draw_projection(const VolumeData& volume, const VolumePictures& pi
   const std::uint32_t times = times_for(small.width, small.height);
   VolumePicture large{small.width * times, small.height * times, {}};
   large.values.resize(std::size_t{large.width} * large.height);
-  place(small, times, 0, 0, large);
-  const image::ColorScale scale = scale_of(small.values, pictures.logarithmic);
+  place_picture(small, times, 0, 0, large);
+  const image::ColorScale scale = volume_scale(small.values, pictures.logarithmic);
   return image::draw_false_color(large.values, large.width, large.height, pictures.map, scale,
                                  image::summarize(small.values, scale),
-                                 fmt::format("light in space, mean along {}", name_of(pictures.axis)));
+                                 fmt::format("light in space, mean along {}", axis_name(pictures.axis)));
 }
 
 image::Figure draw_slices(const VolumeData& volume, const VolumePictures& pictures) {
@@ -127,11 +127,11 @@ image::Figure draw_slices(const VolumeData& volume, const VolumePictures& pictur
   VolumePicture sheet{columns * step_x - gap, rows * step_y - gap, {}};
   sheet.values.resize(std::size_t{sheet.width} * sheet.height);
   for (std::uint32_t i = 0; i < count; ++i)
-    place(slices[i], times, i % columns * step_x, i / columns * step_y, sheet);
-  const image::ColorScale scale = scale_of(values, pictures.logarithmic);
+    place_picture(slices[i], times, i % columns * step_x, i / columns * step_y, sheet);
+  const image::ColorScale scale = volume_scale(values, pictures.logarithmic);
   image::Figure figure = image::draw_false_color(
       sheet.values, sheet.width, sheet.height, pictures.map, scale, image::summarize(values, scale),
-      fmt::format("light in space, {} slices along {}", count, name_of(pictures.axis)));
+      fmt::format("light in space, {} slices along {}", count, axis_name(pictures.axis)));
   // The gaps, and places without a slice, are white.
   for (std::uint32_t y = 0; y < sheet.height; ++y)
     for (std::uint32_t x = 0; x < sheet.width; ++x)

@@ -101,8 +101,10 @@ class MeanContribution final : public PathConsumer {
 }  // namespace
 
 std::uint64_t volume_bytes(const CellGrid& grid) {
-  // The sums, then the values beside the file's bytes.
-  constexpr std::uint64_t each = 3 * std::max(CellSums::kBytesPerSum + sizeof(float), 4 * sizeof(float));
+  // The sums beside the values; later the values beside OpenVDB's trees and two copies of the file's bytes.
+  constexpr std::uint64_t with_sums = 3 * (CellSums::kBytesPerSum + sizeof(float)),
+                          with_file = 3 * sizeof(float) + 4 * 4 * sizeof(float),
+                          each = std::max(with_sums, with_file);
   const std::uint64_t cells = grid.count();
   return cells > std::numeric_limits<std::uint64_t>::max() / each ? std::numeric_limits<std::uint64_t>::max()
                                                                   : cells * each;
