@@ -4,7 +4,7 @@ include(GNUInstallDirs)
 set(package_folder ${CMAKE_CURRENT_LIST_DIR})
 
 install(TARGETS candela candela-master candela-worker RUNTIME DESTINATION bin)
-install(TARGETS candela_images_module LIBRARY DESTINATION lib/candela)
+install(TARGETS candela_images_module candela_notices_module LIBRARY DESTINATION lib/candela)
 if(CANDELA_OPENVDB)
   install(TARGETS candela_vdb_module LIBRARY DESTINATION lib/candela)
 endif()

@@ -13,6 +13,7 @@ from pathlib import Path
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from apart import eventually, own_namespaces
+from manifests import PROGRAMS
 
 TEST = "deploy_package"
 PACKAGES = Path(os.environ["CANDELA_PACKAGES"])  # made by the tests deploy_make_DEB and deploy_make_TGZ
@@ -80,7 +81,8 @@ class Packages(unittest.TestCase):
             self.assertTrue(any(subprocess.run(["dpkg-query", "-W", name], capture_output=True, check=False).returncode == 0
                                 for name in names), clause)
         have = self.files()
-        for wanted in ("usr/bin/candela", "usr/bin/candela-master", "usr/bin/candela-worker", "usr/lib/candela/candela-images.so",
+        for wanted in ("usr/bin/candela", "usr/bin/candela-master", "usr/bin/candela-worker",
+                       *(f"usr/lib/candela/{module.name}" for module in PROGRAMS.glob("candela-*.so")),
                        "usr/lib/systemd/system/candela-master.service", "usr/lib/systemd/system/candela-worker@.service",
                        "usr/share/man/man1/candela.1.gz", "usr/share/man/man1/candela-render.1.gz",
                        "usr/share/man/man1/candela-master.1.gz", "usr/share/man/man1/candela-worker.1.gz",
@@ -123,7 +125,8 @@ class Packages(unittest.TestCase):
             parent.chmod(0o755)
         # The folders that systemd would give: the paths of the installed system, seen from outside.
         environment = {"PATH": f"{self.root}/usr/bin:/usr/bin:/bin", "HOME": str(home), "STATE_DIRECTORY": str(home),
-                       "CACHE_DIRECTORY": str(cache), "CANDELA_CONFIG": str(self.root / "etc/candela/config.toml")}
+                       "CACHE_DIRECTORY": str(cache), "CANDELA_CONFIG": str(self.root / "etc/candela/config.toml"),
+                       "CANDELA_MASTER_NOTIFY": "http://127.0.0.1:9/"}  # a master without the module of notices would not start
         services = []
 
         def start(unit, instance, ready):
