@@ -13,6 +13,7 @@ from pathlib import Path
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from apart import eventually, own_namespaces
+from manifests import PROGRAMS
 
 TEST = "deploy_package"
 PACKAGES = Path(os.environ["CANDELA_PACKAGES"])  # made by the tests deploy_make_DEB and deploy_make_TGZ
