@@ -98,7 +98,7 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
   add_text(app, "--edits", options.edits,
            "Edit how light travels, as a file of JSON says: move, turn or tint what chosen surfaces scatter; "
            "none: no "
-           "edits (the default)",
+           "edits; default: those of the scene's integrator `edits`",
            "FILE");
   add_text(app, "--scene-memory", options.scene_memory,
            "Maximum memory for reading the scene, such as 500M or 20G; default: half of the memory", "SIZE");

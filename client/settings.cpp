@@ -13,6 +13,7 @@
 #include "common/description/all_errors.h"
 #include "common/description/film_window.h"
 #include "common/description/object_list.h"
+#include "common/description/scene_aovs.h"
 #include "common/description/setting_text.h"
 #include "common/description/vocabulary.h"
 #include "common/edits/edits.h"
@@ -331,14 +332,18 @@ Result<edits::EditList> read_edits(const SceneOptions& options) {
 // is resolved.
 Result<std::string> resolve_edits(const description::SceneDescription& scene, const SceneOptions& options,
                                   const JobSettings& settings) {
-  CANDELA_ASSIGN(const edits::EditList list, read_edits(options));
-  const auto field = [](auto checked) -> Result<void> {
+  CANDELA_ASSIGN(edits::EditList list, read_edits(options));
+  if (!options.edits) {
+    CANDELA_ASSIGN(list, edits::parse_edits(scene.scene->get_string(description::kEditsOfScene, "")));
+  }
+  const auto field = [&](auto checked) -> Result<void> {
     if (checked.ok()) return {};
-    return std::move(checked).error().with_field("--edits");
+    return std::move(checked).error().with_field(options.edits ? "--edits" : "edits of the scene");
   };
   CANDELA_TRY(field(
       edits::check_integrator(list, settings.integrator, edits::max_depth_of(settings.integrator_settings))));
-  CANDELA_TRY(field(description::check_edits(list, *scene.scene)));
+  CANDELA_TRY(
+      field(description::check_edits(list, *scene.scene, settings.integrator, !settings.layers.empty())));
   return edits::text_of(list);
 }
 

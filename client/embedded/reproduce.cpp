@@ -84,7 +84,7 @@ SceneOptions scene_options(const RenderCommand& command) {
   out.isa = s.isa;
   out.aov = s.aovs.empty() ? "none" : s.aovs;
   out.layers = {s.layers.empty() ? "none" : s.layers};
-  if (!s.edits.empty()) out.edits = s.edits;
+  out.edits = s.edits.empty() ? "none" : s.edits;
   return out;
 }
 

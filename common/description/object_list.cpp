@@ -229,12 +229,17 @@ Result<void> check_layers(const letters::LayerRequest& request, const Object& sc
   return {};
 }
 
-Result<void> check_edits(const edits::EditList& list, const Object& scene) {
+Result<void> check_edits(const edits::EditList& list, const Object& scene, std::string_view integrator,
+                         bool layers) {
   if (list.empty()) return {};
   const LetterObjects objects = letter_objects(scene);
-  for (const edits::Edit& edit : list.edits)
-    CANDELA_TRY(edits::Selection::compile(list, edit, objects.names, objects.uses));
-  return {};
+  std::vector<edits::Selection> selections;
+  for (const edits::Edit& edit : list.edits) {
+    CANDELA_ASSIGN(edits::Selection selection,
+                   edits::Selection::compile(list, edit, objects.names, objects.uses));
+    selections.push_back(std::move(selection));
+  }
+  return edits::check_by_path(list, selections, objects.names, objects.uses, integrator, layers);
 }
 
 }  // namespace candela::description

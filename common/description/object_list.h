@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
@@ -28,8 +29,9 @@ LetterObjects letter_objects(const Object& scene);
 // letters::Automaton.
 Result<void> check_layers(const letters::LayerRequest& request, const Object& scene);
 
-// The same of the expressions of edits. Errors: those of edits::Selection.
-Result<void> check_edits(const edits::EditList& list, const Object& scene);
+// The same of the expressions of edits. Errors: those of edits::Selection and edits::check_by_path().
+Result<void> check_edits(const edits::EditList& list, const Object& scene, std::string_view integrator,
+                         bool layers);
 
 struct Box {
   Vec3 low{}, high{};

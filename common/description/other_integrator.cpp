@@ -96,6 +96,9 @@ Result<void> OtherIntegrator::take(const pugi::xml_node& node, std::string_view 
     // Ours: any integrator can have them.
     CANDELA_ASSIGN(layers, layers_of_scene(*property));
   }
+  if (plugin == "edits" && name == "edits" && property.ok() && edits.empty()) {
+    CANDELA_ASSIGN(edits, read_scene_edits(*property));
+  }
   if (!property.ok() && is_used(own_rule)) return std::move(property).error();
   if (own != nullptr && own == running) {
     if (own_rule == nullptr)

@@ -6,6 +6,7 @@
 
 #include "common/description/check.h"
 #include "common/description/text.h"
+#include "common/edits/edits.h"
 #include "common/job/aov.h"
 #include "common/letters/request.h"
 
@@ -53,8 +54,18 @@ Result<std::string> layers_of_scene(const Property& layers) {
   return error_at(layers.where, request.error().message).with_mend(request.error().mend);
 }
 
+Result<std::string> read_scene_edits(const Property& edits) {
+  if (!std::holds_alternative<std::string>(edits.value))
+    return error_at(edits.where, "the parameter 'edits' of integrator 'edits' is no string");
+  const auto list = edits::parse_edits(std::get<std::string>(edits.value));
+  if (list.ok()) return edits::text_of(*list);
+  std::string message = list.error().message;
+  if (!list.error().field.empty()) message = fmt::format("{}: {}", list.error().field, message);
+  return error_at(edits.where, message).with_mend(list.error().mend);
+}
+
 bool is_layer_element(std::string_view plugin) {
-  return plugin == "aov" || plugin == "lpe";
+  return plugin == "aov" || plugin == "lpe" || plugin == "edits";
 }
 
 }  // namespace candela::description

@@ -1,8 +1,9 @@
-// The layers that a scene asks for beside the image of an integrator, by an element around that integrator:
-// `aov`, which is Mitsuba's, and `lpe`, which is ours.
+// What a scene asks for beside its integrator, by an element around that integrator: layers by `aov`, which
+// is Mitsuba's, and by `lpe`, which is ours, and edits of light transport by `edits`, ours too.
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
@@ -19,7 +20,13 @@ Result<std::string> aovs_of_scene(const Property& aovs, bool lenient, std::vecto
 // common/letters/request.h reads it.
 Result<std::string> layers_of_scene(const Property& layers);
 
-// True if the element makes layers and leaves the image to the integrator inside the element.
+// The value of the parameter `edits` of an integrator `edits`, as parse_edits() of common/edits/edits.h reads
+// it.
+Result<std::string> read_scene_edits(const Property& edits);
+// A read scene has that text in a property of this name.
+inline constexpr std::string_view kEditsOfScene = "edits";
+
+// True if the element makes layers or edits and leaves the image to the integrator inside the element.
 bool is_layer_element(std::string_view plugin);
 
 }  // namespace candela::description

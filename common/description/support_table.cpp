@@ -55,8 +55,8 @@ except for [what is passed over](#what-is-passed-over).
 - A surface without a `<bsdf>` is `diffuse`. An emitter `area` at the top of the scene glows in the shapes that refer to it.
 - A scene without an integrator has `direct` before version 2, later `path`, with a warning. The integrator `direct` is
   `path` with a `max_depth` of 2. If an unknown integrator holds another one (`aov`, `moment`), that one runs; the `aovs`
-  of `aov` become [AOVs](aovs.md), unless `--aov` says otherwise. `lpe` is ours: the integrator inside it runs, with
-  [layers](layers.md). The films `ldrfilm` and `mfilm` are read as `hdrfilm`.
+  of `aov` become [AOVs](aovs.md), unless `--aov` says otherwise. `lpe` and `edits` are ours: the integrator inside them
+  runs, with [layers](layers.md) or [edits](edits.md). The films `ldrfilm` and `mfilm` are read as `hdrfilm`.
 
 ## Where Mitsuba's versions differ
 

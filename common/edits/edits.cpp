@@ -195,6 +195,12 @@ Result<Edit> read_edit(const Json& json, const std::string& key, const EditList&
   const Reader reader(json, key);
   constexpr std::array<std::string_view, 8> known = {"name",   "direction", "select", "source",
                                                      "rotate", "move",      "scale",  "tint"};
+  if (reader.has("hit"))
+    return error_at(
+               reader.key("hit"),
+               "an edit cannot ask what a direction meets first: that takes a ray more for each direction "
+               "that any walk draws or evaluates")
+        .with_mend("give a source that the blockers do not share");
   CANDELA_TRY(reader.check(known));
   Edit edit;
   CANDELA_ASSIGN(edit.name, reader.text("name"));

@@ -3,20 +3,20 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <set>
 #include <string_view>
 #include <utility>
 
+#include "common/edits/path_states.h"
+#include "common/edits/vertex_classes.h"
 #include "common/letters/expression.h"
 
 namespace candela::edits {
 namespace {
 
 using letters::Automaton;
-using letters::Letter;
-using letters::Side;
-
 // The name under which the automaton knows the expression.
 constexpr std::string_view kLayer = "edit";
 
@@ -56,10 +56,8 @@ Result<Selection> Selection::compile(const EditList& list, const Edit& edit,
                                      std::span<const letters::ObjectNames> objects,
                                      std::span<const std::uint8_t> uses) {
   const bool of_light = edit.direction == Edit::Direction::light;
-  // A whole path, in which the selected vertex is the last or the first.
   letters::LayerRequest request;
-  const std::string_view before = of_light ? "(" : "L(";
-  request.layers = {{std::string(kLayer), fmt::format("{}{}{}", before, edit.select, of_light ? ")E" : ")")}};
+  request.layers = {{std::string(kLayer), whole_path(edit)}};
   std::vector<std::uint8_t> bits;
   const auto tree = letters::parse_expression(edit.select);
   if (!tree.ok()) return refusal(edit, "is no expression: " + tree.error().message, "");
@@ -72,28 +70,13 @@ Result<Selection> Selection::compile(const EditList& list, const Edit& edit,
   });
   request.glossy_below = list.glossy_below;
   if (auto checked = letters::check(request); !checked.ok())
-    return error_of(edit, std::move(checked).error(), before.size());
+    return error_of(edit, std::move(checked).error(), bytes_before(edit));
   auto compiled = Automaton::compile(request, objects, uses);
-  if (!compiled.ok()) return error_of(edit, std::move(compiled).error(), before.size());
+  if (!compiled.ok()) return error_of(edit, std::move(compiled).error(), bytes_before(edit));
   Selection selection(*std::move(compiled), std::move(bits));
   const Automaton& automaton = selection.automaton_;
 
-  std::set<Automaton::Class> lamps, surfaces, media;
-  const std::uint32_t masks = 1u << request.regions.size();
-  for (std::uint32_t object = 0; object < objects.size(); ++object) {
-    const std::uint8_t use = uses.empty() ? std::uint8_t{7} : uses[object];
-    if ((use & letters::kLampObject) != 0)
-      lamps.insert(automaton.class_of(Letter::lamp, Side::none, object, 0));
-    if ((use & letters::kSurfaceObject) == 0 && (use & letters::kMediumObject) == 0) continue;
-    for (std::uint32_t regions = 0; regions < masks; ++regions) {
-      if ((use & letters::kMediumObject) != 0)
-        media.insert(automaton.class_of(Letter::volume, Side::none, object, regions));
-      for (const Letter letter : {Letter::diffuse, Letter::glossy, Letter::specular})
-        for (const Side side : {Side::reflected, Side::transmitted})
-          if ((use & letters::kSurfaceObject) != 0)
-            surfaces.insert(automaton.class_of(letter, side, object, regions));
-    }
-  }
+  const VertexClasses vertices(automaton, objects, uses, request.regions.size());
 
   // All states that a walk may be in when it comes to the vertex, from the edit's end.
   const auto step = [&](std::uint32_t state, Automaton::Class c) -> std::uint32_t {
@@ -102,46 +85,82 @@ Result<Selection> Selection::compile(const EditList& list, const Edit& edit,
   };
   std::set<std::uint32_t> starts, reached;
   if (of_light)
-    for (const Automaton::Class lamp : lamps)
+    for (const Automaton::Class lamp : vertices.lamps)
       starts.insert(automaton.forward(automaton.forward_start(), lamp));
   else
     starts.insert(automaton.reverse_start());
   std::vector<std::uint32_t> open(starts.begin(), starts.end());
   reached = starts;
   for (std::size_t i = 0; i < open.size(); ++i)
-    for (const auto* tokens : {&surfaces, &media})
+    for (const auto* tokens : {&vertices.surfaces, &vertices.media})
       for (const Automaton::Class c : *tokens)
         if (const std::uint32_t next = step(open[i], c); reached.insert(next).second) open.push_back(next);
 
   const auto accepts = [&](std::uint32_t state, Automaton::Class c) {
     const std::uint32_t at = step(state, c);
     if (of_light) return automaton.label(static_cast<Automaton::State>(at), automaton.reverse_start()) != 0;
-    for (const Automaton::Class lamp : lamps)
+    for (const Automaton::Class lamp : vertices.lamps)
       if (automaton.label(automaton.forward(automaton.forward_start(), lamp),
                           static_cast<Automaton::State>(at)) != 0)
         return true;
     return false;
   };
   selection.selected_.assign(automaton.counts().classes, 0);
+  bool any = false;
   for (const std::uint32_t state : open) {
-    for (const Automaton::Class c : media)
+    for (const Automaton::Class c : vertices.media)
       if (accepts(state, c))
         return refusal(edit, "selects scattering in a medium, which cannot be edited",
                        "select surfaces: D, G, S or X");
-    for (const Automaton::Class c : surfaces) {
+    for (const Automaton::Class c : vertices.surfaces) {
       const auto verdict = static_cast<std::uint8_t>(accepts(state, c) ? 1 : 2);
       std::uint8_t& known = selection.selected_[c];
-      if (known != 0 && known != verdict)
-        return refusal(edit, "depends on more of the path than the edited vertex",
-                       of_light        ? media.empty() ? "select from the vertex alone: LX*S{mirror}"
-                                                       : "select from the vertex alone: L[XV]*S{mirror}"
-                       : media.empty() ? "select from the vertex alone: X{wall}X*E"
-                                       : "select from the vertex alone: X{wall}[XV]*E");
+      selection.by_path_ |= known != 0 && known != verdict;
       known = verdict;
+      any |= verdict == 1;
     }
   }
+  if (!any && !open.empty() && !vertices.surfaces.empty())
+    return refusal(edit, of_light ? "selects what a lamp emits, which cannot be edited" : "selects no vertex",
+                   of_light ? "tint the lamp itself, or select surfaces: LX*D{wall}"
+                            : "begin with the edited surface: X{wall}X*E");
   for (std::uint8_t& verdict : selection.selected_) verdict = verdict == 1 ? 1 : 0;
   return selection;
+}
+
+Result<void> check_by_path(const EditList& list, std::span<const Selection> selections,
+                           std::span<const letters::ObjectNames> objects, std::span<const std::uint8_t> uses,
+                           std::string_view integrator, bool layers) {
+  const auto found = std::find_if(selections.begin(), selections.end(),
+                                  [](const Selection& selection) { return selection.by_path(); });
+  if (found == selections.end()) return {};
+  const Edit& edit = list.edits[static_cast<std::size_t>(found - selections.begin())];
+  const bool of_light = edit.direction == Edit::Direction::light;
+  constexpr std::array<std::string_view, 5> able = {"path", "light", "bdpt", "pssmlt", "mmlt"};
+  if (std::find(able.begin(), able.end(), integrator) == able.end()) {
+    const bool media = std::any_of(uses.begin(), uses.end(),
+                                   [](std::uint8_t use) { return (use & letters::kMediumObject) != 0; });
+    const std::string_view walk = media ? "[XV]*" : "X*";
+    return refusal(edit,
+                   fmt::format(
+                       "depends on more of the path than the edited vertex, and photons of the integrator "
+                       "'{}' keep no states of an expression",
+                       integrator),
+                   of_light ? fmt::format("use one of {}, or select from the vertex alone: L{}S{{mirror}}",
+                                          fmt::join(able, ", "), walk)
+                            : fmt::format("use one of {}, or select from the vertex alone: X{{wall}}{}E",
+                                          fmt::join(able, ", "), walk))
+        .with_field("edits");
+  }
+  if (layers)
+    return refusal(edit,
+                   "depends on more of the path than the edited vertex, and such edits are not tested with "
+                   "layers of expressions",
+                   "render layers and this edit in two jobs")
+        .with_field("edits");
+  for (const Edit::Direction direction : {Edit::Direction::light, Edit::Direction::eye})
+    CANDELA_TRY(PathStates::compile(list, direction, objects, uses));
+  return {};
 }
 
 }  // namespace candela::edits

@@ -1,10 +1,12 @@
-// Which vertices an edit selects. The verdict on a vertex has to follow from the vertex alone: an expression
-// such as LX*S{mirror} ("light, by any way, and last the mirror"), or X{wall}X*E for what the eye gathers.
+// Which vertices an edit selects: from the vertex alone, by an expression such as LX*S{mirror} ("light, by
+// any way, and last the mirror"), or X{wall}X*E for what the eye gathers; or by more of the path
+// (path_states.h).
 #pragma once
 
 #include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -22,7 +24,10 @@ class Selection {
                                    std::span<const letters::ObjectNames> objects,
                                    std::span<const std::uint8_t> uses);
 
-  // Precondition: `object` is that of a surface. regions: bit i is set inside region i of the list.
+  // The verdict on a vertex depends on other vertices.
+  bool by_path() const { return by_path_; }
+  // Preconditions: not by_path(); `object` is that of a surface. regions: bit i is set inside region i of the
+  // list.
   bool selects(letters::Letter letter, letters::Side side, std::uint32_t object,
                std::uint32_t regions) const {
     std::uint32_t own = 0;
@@ -37,6 +42,13 @@ class Selection {
   letters::Automaton automaton_;
   std::vector<std::uint8_t> regions_;   // of the list, by the bit that the automaton has for them
   std::vector<std::uint8_t> selected_;  // by class
+  bool by_path_ = false;
 };
+
+// Fails (input) if an edit selects by more of the path than its vertex, and the integrator cannot render
+// that; selections are those of the list's edits. layers: the job has layers by expressions.
+Result<void> check_by_path(const EditList& list, std::span<const Selection> selections,
+                           std::span<const letters::ObjectNames> objects, std::span<const std::uint8_t> uses,
+                           std::string_view integrator, bool layers);
 
 }  // namespace candela::edits

@@ -19,7 +19,7 @@ namespace candela::statistical {
 namespace {
 
 // Films decide these tests: proofs.h.
-const proofs::FilmsDecide kFilms({"EditedLight", "EditedLobes"});
+const proofs::FilmsDecide kFilms({"EditedLight", "EditedLobes", "EditedByPath"});
 
 struct Edit {
   std::string name, text;
@@ -369,6 +369,78 @@ TEST_P(EditedLobes, AreTheSameFromBothEnds) {
                  integrator == "path" ? c.detectable : 0.12);
 }
 
+// ---- selections by the path ----
+
+const std::vector<LobeCase>& path_cases() {
+  static const std::string mirror =
+      panel_shape(R"(<bsdf type="conductor"><string name="material" value="none"/></bsdf>)");
+  static const std::string matt = panel_shape(kMatt), glossy = panel_shape(kGlossy);
+  static const std::string fog =
+      matt +
+      R"(<shape type="cube"><transform name="to_world"><scale x="0.8" y="0.8" z="0.4"/><translate x="1.6" y="2" z="1.5"/></transform>
+        <bsdf type="null"/><medium name="interior" type="homogeneous" id="fog"><rgb name="sigma_t" value="0.8"/>
+        <rgb name="albedo" value="0.9"/></medium></shape>)";
+  static const std::string move = R"("source": "gloss", "move": {"to": [1.5, 2.7, 0], "normal": [0, 0, 1],
+      "stretch": [1.4, 1.2, 1]})";
+  static const auto all_of = [](const std::string& light, const std::string& eye) {
+    std::string list;
+    if (!light.empty())
+      list = R"({"name": "a", "direction": "light", "select": ")" + light + "\", " + move + "}";
+    if (!eye.empty())
+      list += (light.empty() ? "" : ", ") + (R"({"name": "b", "direction": "eye", "select": ")" + eye) +
+              R"(", "rotate": {"axis": [0.2, 1, 0.3], "degrees": 15}, "tint": [1, 0.5, 0.8]})";
+    return wrapped(list);
+  };
+  static const std::vector<LobeCase> all = {
+      {"prefix", glossy, all_of("LX{floor}X{panel}", "")},
+      {"prefix_mirror", mirror, all_of("LX{floor}S{panel}", "")},
+      {"suffix", matt, all_of("", "X{floor}X{panel}X*E")},
+      {"suffix_mirror", mirror, all_of("", "X{floor}S{panel}X*E")},
+      {"both", matt, all_of("LX+X{panel}", "X{panel}XX+E"), 0.2},
+      {"fog", fog, all_of("LVX{panel}", "XVX{floor}E"), 0.2},
+  };
+  return all;
+}
+
+class EditedByPath : public testing::TestWithParam<LobeCase> {};
+
+// Claim: of a selection by the path, too, walks from the eye and from the light make one image, each of which
+// knows the verdict of edits of its own direction alone; and both together, and chains, do.
+TEST_P(EditedByPath, IsTheSameFromBothEnds) {
+  const LobeCase& c = GetParam();
+  const Regions regions(kSize, kSize, kBlock);
+  TestScene scene = scene_from_xml(lamp_scene(c.shapes), kSize, kSize);
+  scene.from_scene["max_depth"] = "5";
+  const Estimator reference = cached(estimator_of("light", scene, c.edits, regions, 8));
+  std::vector<std::string> integrators = {"path", "bdpt"};
+  if (long_form() || c.name == "prefix") integrators.insert(integrators.end(), {"pssmlt", "mmlt"});
+  for (const std::string& integrator : integrators)
+    expect_equal(estimator_of(integrator, scene, c.edits, regions, 9), reference, regions, 0,
+                 integrator == "bdpt" ? 0.12 : std::max(0.2, c.detectable));
+}
+
+// Claim: edits of light that came by the floor first change the paths that did, and no others: of paths of
+// four edges all did, of shorter ones none.
+TEST(EditedPrefix, ChangesThePathsThatItNames) {
+  const Regions regions(kSize, kSize, kBlock);
+  const auto term = [&](double weight, const char* integrator, const std::string& select, const char* depth) {
+    TestScene scene =
+        with_integrator(scene_from_xml(room_of(kGlossy), kSize, kSize), integrator, {{"max_depth", depth}});
+    if (!select.empty())
+      scene.settings.edits = wrapped(R"({"name": "a", "direction": "light", "select": ")" + select +
+                                     R"(", "rotate": {"axis": [0.2, 1, 0.3], "degrees": 20}, "scale": 4})");
+    return statistical::Term{weight, scene};
+  };
+  const Estimator reference = cached(make_estimator(
+      "sum of parts",
+      {term(1, "bdpt", "", "3"), term(1, "bdpt", "LX*X{panel}", "4"), term(-1, "bdpt", "LX*X{panel}", "3")},
+      {.seed = 3, .batches = 12, .iterations = 32}, regions));
+  for (const char* integrator : {"path", "light", "bdpt"})
+    expect_equal(make_estimator(integrator, {term(1, integrator, "LX{floor}X{panel}", "4")},
+                                {.seed = 4, .batches = 12, .iterations = 48}, regions),
+                 reference, regions, 0, 0.1);
+}
+
 // Claim: where shading normals differ from the geometric ones it is so, too, for edits of light and of the
 // eye.
 TEST(EditedShadingNormals, AreTheSameFromBothEnds) {
@@ -418,6 +490,8 @@ std::vector<std::string> able() {
   return {"path", "light", "bdpt", "ppm", "bpm", "vcm", "pssmlt", "mmlt"};
 }
 INSTANTIATE_TEST_SUITE_P(, EditedLight, testing::ValuesIn(able()), [](const auto& one) { return one.param; });
+INSTANTIATE_TEST_SUITE_P(, EditedByPath, testing::ValuesIn(path_cases()),
+                         [](const auto& one) { return one.param.name; });
 INSTANTIATE_TEST_SUITE_P(, EditedLobes, testing::ValuesIn(lobe_cases()),
                          [](const auto& one) { return one.param.name; });
 

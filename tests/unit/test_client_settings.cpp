@@ -158,6 +158,13 @@ TEST(Settings, EditsAreReadAndChecked) {
   EXPECT_NE(edits((folder.path() / "none.json").string()).find("none.json"), std::string::npos);
   EXPECT_TRUE(edits(R"({"edits": [{}]})").starts_with("--edits: edits[0].name"))
       << edits(R"({"edits": [{}]})");
+  // Those of the scene count unless the command line has some, or none.
+  TestScene scene;
+  scene.scene->properties.push_back({"edits", description::PropertyType::string, text, {}});
+  SceneOptions options;
+  EXPECT_EQ(scene.prepare(options)->settings.edits, text);
+  options.edits = "none";
+  EXPECT_EQ(scene.prepare(options)->settings.edits, "");
   const std::string unknown =
       R"({"edits":[{"name":"a","direction":"light","select":"LX*X{nobody}","scale":0.5}]})";
   EXPECT_NE(edits(unknown).find("edit 'a', column 4: no object is called 'nobody'"), std::string::npos)

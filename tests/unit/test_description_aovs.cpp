@@ -1,7 +1,9 @@
-// The layers that a scene asks for by Mitsuba 3's integrator `aov`, and by `lpe`.
+// The layers and edits that a scene asks for by Mitsuba 3's integrator `aov`, and by `lpe` and `edits`.
 #include <gtest/gtest.h>
 
 #include "common/description/reading.h"
+#include "common/description/scene_aovs.h"
+#include "common/edits/edits.h"
 #include "test_description_common.h"
 
 namespace candela::description {
@@ -83,6 +85,35 @@ TEST(DescriptionAovs, LayersOfExpressions) {
                         "type='path'/></integrator>",
                         {})
                   .starts_with("scene.xml:2: an integrator 'lpe' has one parameter, the string 'layers'"));
+}
+
+// Claim: edits are read around the integrator that runs, whichever that is, beside layers; a fault is an
+// error with its line and key.
+TEST(DescriptionAovs, EditsOfLight) {
+  const auto edits_of = [](const std::string& integrator, const Reading& reading) {
+    const auto result =
+        read_scene(MemorySource({{"scene.xml", "<scene version='3.0.0'>\n" + integrator + "\n</scene>"}}),
+                   "scene.xml", {}, reading);
+    if (!result.ok()) return result.error().to_string();
+    return result->description.scene->get_string(kEditsOfScene, "none");
+  };
+  const auto around = [](const std::string& text) {
+    return "<integrator type='edits'>\n<string name='edits' value='" + text +
+           "'/><integrator type='lpe'><string name='layers' value='layer a=LDE'/><integrator "
+           "type='path'/></integrator></integrator>";
+  };
+  const std::string dim =
+      R"({"edits": [{"name": "dim", "direction": "light", "select": "LX*X", "scale": 0.5}]})";
+  const auto list = edits::parse_edits(dim);
+  for (const Reading& reading : {Reading{}, Reading{.lenient = true}, Reading{.integrator = "bdpt"}}) {
+    EXPECT_EQ(edits_of(around(dim), reading), edits::text_of(*list));
+    EXPECT_TRUE(layers_of(around(dim), reading).starts_with("layer a=LDE"));
+    EXPECT_EQ(edits_of("<integrator type='path'/>", reading), "none");
+    const std::string fault = edits_of(around(R"({"edits": [{"name": "dim", "direction": "up"}]})"), reading);
+    EXPECT_TRUE(fault.starts_with("scene.xml:3: edits[0].direction: ")) << fault;
+  }
+  EXPECT_TRUE(edits_of("<integrator type='edits'><integrator type='path'/></integrator>", {})
+                  .starts_with("scene.xml:2: an integrator 'edits' has one parameter, the string 'edits'"));
 }
 
 }  // namespace

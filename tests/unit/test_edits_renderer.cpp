@@ -2,8 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <fstream>
 #include <sstream>
+#include <string_view>
 
 #include "common/edits/edits.h"
 #include "tests/paths.h"
@@ -81,7 +83,13 @@ TEST(EditRenderers, RefuseByName) {
   const std::string border = R"(<shape type="sphere"><bsdf type="null"/></shape>)";
   EXPECT_EQ(error_of(kBox + border, "path", light("LX*X")), "none") << "a null surface is no vertex";
   EXPECT_NE(error_of(kBox, "path", light("LX*S{bull}")).find("edit 'a', column 4"), std::string::npos);
-  EXPECT_NE(error_of(kBox, "path", light("LDS")).find("more of the path"), std::string::npos);
+  EXPECT_NE(error_of(kBox, "vcm", light("LDS")).find("more of the path"), std::string::npos);
+  EXPECT_EQ(error_of(kBox, "path", light("LX+S")), "none");
+  EXPECT_NE(error_of(kBox, "light", light("LDS")).find("tell D from G at the surface 'walls'"),
+            std::string::npos)
+      << error_of(kBox, "light", light("LDS"));
+  EXPECT_NE(error_of(kBox + veil, "path", light("LXX")).find("'veil', which lets light pass straight"),
+            std::string::npos);
   for (const char* integrator : {"upbp", "optimis", "appm", "cppm", "fppm", "vcmplus"})
     EXPECT_NE(error_of(kBox, integrator, light("LX*X"), {}).find(integrator), std::string::npos);
   std::string many = R"({"edits": [)";
@@ -105,6 +113,12 @@ TEST(EditRenderers, PlanTheirEdits) {
   EXPECT_NE(plan->find("edit 'a': light after LX*S{ball}, 1 of 3 shapes, towards r, moved"),
             std::string::npos)
       << *plan;
+  const auto by_path = test::make_renderer(
+      files, job_of("path", one(R"("direction": "light", "select": "LX+S{ball}", "scale": 0.5)")), {});
+  EXPECT_NE(
+      by_path->plan_text()->find("edit 'a': light after LX+S{ball}, by the path: at most 1 of 3 shapes"),
+      std::string::npos)
+      << *by_path->plan_text();
 }
 
 // Claim: an edit acts at the same place of the file wherever the scene is: a scene far from the origin, whose
@@ -205,15 +219,20 @@ TEST(EditRenderers, SurviveRandomEdits) {
     return std::string(of.begin()[stream.next_u32() % of.size()]);
   };
   const test::TextFiles files = files_of(kBox);
-  int rendered = 0, refused = 0;
-  for (int i = 0; i < 40; ++i) {
+  const char* const asked = std::getenv("CANDELA_LONG");
+  const bool long_form = asked != nullptr && std::string_view(asked) != "0";
+  int rendered = 0, refused = 0, by_path = 0;
+  for (int i = 0; i < (long_form ? 1000 : 120); ++i) {
     std::string list;
     for (std::uint32_t n = 1 + stream.next_u32() % 3, k = 0; k < n; ++k) {
       const bool light = stream.next_u32() % 2 == 0;
       const std::string token =
           any({"X", "S", "D", "G", "[DG]", "SR", "ST", "X{ball}", "X{walls}", "S{other}", "X@r ", "V", "DX"});
+      // Selections by the path.
+      const std::string between = any({"", "", "", "X", "S", "X{walls}", "X{ball}X", "X@s ", "XX*S"});
       list += std::string(k > 0 ? "," : "") + R"({"name": "n)" + std::to_string(k) + R"(", "direction": ")" +
-              (light ? "light" : "eye") + R"(", "select": ")" + (light ? "LX*" + token : token + "X*E") + '"';
+              (light ? "light" : "eye") + R"(", "select": ")" +
+              (light ? "LX*" + between + token : token + between + "X*E") + '"';
       if (stream.next_u32() % 2 == 0) list += R"(, "source": ")" + any({"r", "s"}) + '"';
       switch (stream.next_u32() % 4) {
         case 0:
@@ -234,7 +253,7 @@ TEST(EditRenderers, SurviveRandomEdits) {
     const std::string text = R"({"regions": {"r": {"sphere": [0, -3, 0, )" + number(0.01, 4) +
                              R"(]}, "s": {"box": [-4, -4, -4, 0, 0, )" + number(-3, 4) +
                              R"(]}}, "edits": [)" + list + "]}";
-    const std::string integrator = any({"path", "light", "bdpt", "vcm", "bpm", "ppm"});
+    const std::string integrator = any({"path", "light", "path", "light", "bdpt", "vcm", "bpm", "ppm"});
     std::unique_ptr<Renderer> renderer;
     try {
       renderer = test::make_renderer(files, job_of(integrator, text), {{"max_depth", "6"}});
@@ -247,9 +266,11 @@ TEST(EditRenderers, SurviveRandomEdits) {
     const film::Tallies tallies = film->tallies();
     for (const std::uint64_t count : tallies.rejected) EXPECT_EQ(count, 0u) << integrator << text;
     ++rendered;
+    by_path += renderer->plan_text()->find("by the path") != std::string::npos ? 1 : 0;
   }
-  EXPECT_GT(rendered, 12);
-  EXPECT_GT(refused, 3);
+  EXPECT_GT(rendered, 30);
+  EXPECT_GT(by_path, 10);
+  EXPECT_GT(refused, 10);
 }
 
 }  // namespace

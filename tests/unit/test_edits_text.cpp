@@ -4,6 +4,7 @@
 #include <string>
 
 #include "common/edits/edits.h"
+#include "common/edits/path_states.h"
 #include "common/edits/selection.h"
 #include "common/rng/stream.h"
 
@@ -79,6 +80,7 @@ TEST(EditText, NamesTheKeyOfAFault) {
       {R"({"edits": [{"name": "a", "direction": "eye", "select": "X)X*E"}]})", "column 2"},
       {edit(R"(, "source": "s")"), "edits[0].source"},
       {edit(R"(, "moves": {})"), "did you mean 'move'"},
+      {edit(R"(, "hit": true)"), "edits[0].hit: an edit cannot ask what a direction meets first"},
       {edit(R"(, "move": {"to": [1, 2, 3]})"), "edits[0].move.from"},
       {edit(R"(, "move": {"from": [1, 2], "to": [1, 2, 3]})"), "edits[0].move.from: it has 2 entries"},
       {edit(R"(, "move": {"from": [1, 2, "x"]})"), "edits[0].move.from[2]"},
@@ -202,23 +204,21 @@ TEST(EditSelection, IsThatOfTheVertex) {
     EXPECT_FALSE(far.selects(Letter::specular, Side::reflected, 1, 2));
   }
   // Other ways to write the same.
-  EXPECT_TRUE(select("L(D|G|S)*[SG]", true).ok());
-  EXPECT_TRUE(select("LX*D|LX*G", true).ok());
+  EXPECT_FALSE(select("L(D|G|S)*[SG]", true)->by_path());
+  EXPECT_FALSE(select("LX*D|LX*G", true)->by_path());
 }
 
-// Claim: what depends on other vertices, media, lamps or the wrong end is refused, and the error says how to
-// write it.
-TEST(EditSelection, RefusesTheRestOfThePath) {
+// Claim: selections that depend on other vertices are told from those of the vertex alone; media, lamps and
+// the wrong end are refused, and the error says how to write it.
+TEST(EditSelection, RefusesTheWrongEnd) {
   const auto error = [](const std::string& expression, bool of_light, const Objects& objects = {}) {
     const auto selection = select(expression, of_light, objects);
     return selection.ok() ? std::string("none") : selection.error().to_string();
   };
   for (const char* expression : {"LDS", "LS", "LX", "LX*SX", "L{lamp}X*SD", "LX*D{wall}S"})
-    EXPECT_NE(error(expression, true).find("more of the path"), std::string::npos)
-        << expression << ": " << error(expression, true);
+    EXPECT_TRUE(select(expression, true)->by_path()) << expression;
   for (const char* expression : {"SDE", "SE", "XSX*E"})
-    EXPECT_NE(error(expression, false).find("more of the path"), std::string::npos)
-        << error(expression, false);
+    EXPECT_TRUE(select(expression, false)->by_path()) << expression;
   for (const char* expression : {"SX*E", "LX*SE", "LX*E"})
     EXPECT_NE(error(expression, true).find("selects no vertex"), std::string::npos)
         << error(expression, true);
@@ -229,12 +229,135 @@ TEST(EditSelection, RefusesTheRestOfThePath) {
   EXPECT_NE(error("S{mirro}X*E", false).find("edit 'a', column 1: no surface is called 'mirro'"),
             std::string::npos)
       << error("S{mirro}X*E", false);
+  for (const char* expression : {"L", "L{lamp}"})
+    EXPECT_NE(error(expression, true).find("what a lamp emits"), std::string::npos)
+        << error(expression, true);
+  EXPECT_NE(error("E", false).find("selects no vertex"), std::string::npos) << error("E", false);
   Objects fog;
   fog.names.push_back({"fog"});
   fog.uses.push_back(letters::kMediumObject);
   EXPECT_NE(error("LX*S", true, fog).find("L[XV]*S"), std::string::npos) << error("LX*S", true, fog);
   EXPECT_EQ(error("L[XV]*S", true, fog), "none");
   EXPECT_NE(error("L[XV]*V", true, fog).find("medium"), std::string::npos) << error("L[XV]*V", true, fog);
+}
+
+// ---- selections by the path ----
+
+EditList list_of(const std::vector<std::pair<std::string, bool>>& expressions) {
+  EditList list;
+  for (const auto& [expression, of_light] : expressions) {
+    Edit one;
+    one.name = "a" + std::to_string(list.edits.size());
+    one.direction = of_light ? Edit::Direction::light : Edit::Direction::eye;
+    one.select = expression;
+    list.edits.push_back(one);
+  }
+  return list;
+}
+
+struct Token {
+  Letter letter;
+  Side side;
+  std::uint32_t object;
+};
+
+// Claim: the states of all edits of one direction give the verdict of each edit's expression on each vertex
+// of random paths, as an automaton of that expression alone has it, and selections by the vertex have one
+// state.
+TEST(EditStates, GiveTheVerdictOfEachExpression) {
+  Objects objects;
+  objects.names.push_back({"sun"});
+  objects.uses.push_back(letters::kLampObject);
+  const EditList list = list_of({{"LX*S", true},
+                                 {"LX*D{wall}X{mirror}", true},
+                                 {"L{sun}X*ST", true},
+                                 {"LXXX", true},
+                                 {"DX*E", false},
+                                 {"[SG]D?E", false},
+                                 {"XXXE", false}});
+  rng::Stream stream(rng::key(41));
+  for (const bool of_light : {true, false}) {
+    const auto states = PathStates::compile(list, of_light ? Edit::Direction::light : Edit::Direction::eye,
+                                            objects.names, objects.uses);
+    ASSERT_TRUE(states.ok()) << states.error().to_string();
+    EXPECT_GT(states->size(), 3u);
+    std::vector<letters::Automaton> alone;
+    std::vector<std::size_t> number;
+    for (std::size_t k = 0; k < list.edits.size(); ++k) {
+      const Edit& edit = list.edits[k];
+      if ((edit.direction == Edit::Direction::light) != of_light) continue;
+      letters::LayerRequest request;
+      request.layers = {{"x", of_light ? "(" + edit.select + ")E" : "L(" + edit.select + ")"}};
+      alone.push_back(*letters::Automaton::compile(request, objects.names, objects.uses));
+      number.push_back(k);
+    }
+    int selected = 0;
+    for (int path = 0; path < 2000; ++path) {
+      const std::uint32_t lamp = stream.next_u32() % 2 == 0 ? 0 : 3;
+      std::vector<Token> tokens;  // from the edit's end on
+      PathStates::State state = of_light ? states->at_lamp(lamp) : states->at_eye();
+      for (std::uint32_t n = 1 + stream.next_u32() % 6; n > 0; --n) {
+        const Token token{
+            std::array{Letter::diffuse, Letter::glossy, Letter::specular}[stream.next_u32() % 3],
+            stream.next_u32() % 2 == 0 ? Side::reflected : Side::transmitted, 1 + stream.next_u32() % 2};
+        tokens.push_back(token);
+        const auto c = states->class_of(token.letter, token.side, token.object, 0);
+        const PathStates::Edits verdict = states->selected(state, c);
+        state = states->next(state, c);
+        for (std::size_t i = 0; i < alone.size(); ++i) {
+          const letters::Automaton& a = alone[i];
+          auto at = a.forward(a.forward_start(), a.class_of(Letter::lamp, Side::none, lamp, 0));
+          const auto read = [&](const Token& t) {
+            at = a.forward(at, a.class_of(t.letter, t.side, t.object, 0));
+          };
+          if (of_light)
+            for (std::size_t j = 0; j < tokens.size(); ++j) read(tokens[j]);
+          else
+            for (std::size_t j = tokens.size(); j-- > 0;) read(tokens[j]);
+          EXPECT_EQ((verdict >> number[i] & 1) != 0, a.label(at, a.reverse_start()) != 0)
+              << list.edits[number[i]].select;
+        }
+        selected += verdict != 0;
+      }
+    }
+    EXPECT_GT(selected, 500);
+  }
+  const auto by_vertex = PathStates::compile(list_of({{"LX*S", true}, {"LX*D{wall}", true}}),
+                                             Edit::Direction::light, objects.names, objects.uses);
+  EXPECT_EQ(by_vertex->size(), 1u);
+  EXPECT_EQ(PathStates::compile(list, Edit::Direction::light, objects.names, objects.uses)->selected(0, 0),
+            0);
+}
+
+// Claim: edits that tell too many paths apart are refused, and so is an integrator that cannot keep the
+// states of one, with the reason.
+TEST(EditStates, RefuseByName) {
+  const Objects objects;
+  const auto many = PathStates::compile(list_of({{"LX*DXXXXX", true}}), Edit::Direction::light, objects.names,
+                                        objects.uses);
+  ASSERT_FALSE(many.ok());
+  EXPECT_NE(many.error().to_string().find("more than 16 kinds of paths"), std::string::npos);
+  const auto checked = [&](const std::string& expression, bool of_light, const char* integrator,
+                           bool layers) {
+    const EditList list = list_of({{expression, of_light}});
+    const std::vector<Selection> selections = {
+        *Selection::compile(list, list.edits[0], objects.names, objects.uses)};
+    const auto result = check_by_path(list, selections, objects.names, objects.uses, integrator, layers);
+    return result.ok() ? std::string("none") : result.error().to_string();
+  };
+  for (const char* able : {"path", "light", "bdpt", "pssmlt", "mmlt"}) {
+    EXPECT_EQ(checked("LDS", true, able, false), "none");
+    EXPECT_NE(checked("LDS", true, able, true).find("layers"), std::string::npos);
+    EXPECT_NE(checked("LX*DXXXXX", true, able, false).find("kinds of paths"), std::string::npos);
+  }
+  for (const char* other : {"ppm", "bpm", "vcm"}) {
+    const std::string light = checked("LDS", true, other, false), eye = checked("SDE", false, other, false);
+    EXPECT_NE(light.find("more of the path"), std::string::npos) << light;
+    EXPECT_NE(light.find(other), std::string::npos) << light;
+    EXPECT_NE(light.find("LX*S{mirror}"), std::string::npos) << light;
+    EXPECT_NE(eye.find("X{wall}X*E"), std::string::npos) << eye;
+    EXPECT_EQ(checked("LX*S", true, other, true), "none");
+  }
 }
 
 }  // namespace

@@ -28,9 +28,11 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "common/edits/edits.h"
 #include "tests/paths.h"
 #include "tests/unit/scene_fixture.h"
 #include "tests/unit/transport_path_test.h"
+#include "worker/scene/edits/edit_request.h"
 
 namespace candela::transport {
 namespace {
@@ -228,6 +230,48 @@ TEST(TransportWeights, HoldOnWalksOfAThousandEdges) {
     EXPECT_LE(f.weight.largest, 1e-4) << f.weight.worst;
     EXPECT_LE(f.listed.largest, 1e-4) << f.listed.worst;
   }
+}
+
+// Edits of light and of the eye, of surfaces that are rough, of one lobe of two, and behind a mirror: the
+// oracle asks the edited bsdfs for values and densities of both walks, and products of them are the weights.
+TEST(TransportWeights, HoldForEditedSurfaces) {
+  const std::string body =
+      R"(<shape type="sphere"><point name="center" x="0" y="0.8" z="0"/><float name="radius" value="0.15"/>
+         <emitter type="area"/></shape>
+         <shape type="cube" id="walls"><bsdf type="twosided"><bsdf type="roughplastic"><float name="alpha" value="0.25"/>
+         <rgb name="diffuse_reflectance" value="0.7"/></bsdf></bsdf></shape>
+         <shape type="sphere" id="glass"><point name="center" x="0.4" y="-0.5" z="0.2"/><float name="radius" value="0.3"/>
+         <bsdf type="roughdielectric"><float name="alpha" value="0.3"/></bsdf></shape>
+         <shape type="sphere"><point name="center" x="-0.5" y="-0.5" z="0"/><float name="radius" value="0.3"/>
+         <bsdf type="conductor"/></shape>)";
+  scene::EditRequest request;
+  const auto list = edits::parse_edits(R"({"regions": {"low": {"sphere": [0, -1, 0, 0.7]}}, "edits": [
+      {"name": "a", "direction": "light", "select": "LX*[DG]", "source": "low",
+       "move": {"to": [0.5, -1, 0.4], "normal": [0, 1, 0], "stretch": [1.4, 1, 0.8]}},
+      {"name": "b", "direction": "light", "select": "LX*G", "rotate": {"axis": [0.3, 1, 0.2], "degrees": 15}},
+      {"name": "c", "direction": "eye", "select": "DX*E", "source": "low", "rotate": {"axis": [1, 0, 0], "degrees": 25},
+       "tint": [1, 0.5, 0.8]}]})");
+  ASSERT_TRUE(list.ok()) << list.error().to_string();
+  request.list = *list;
+  scene::Scene::Options options;
+  options.film_width = options.film_height = test::kFilmSize;
+  options.edits = &request;
+  const auto scene = test::build_scene(body, {}, "", options);
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  EXPECT_EQ((*scene)->features().edits.size(), 3u);
+  WalkRules rules;
+  rules.max_edges = 6;
+  rules.rr_depth = 1u << 30;
+  rules.film_border = 1;
+  Findings f;
+  run_all<Between::nothing>(**scene, rules, 400, f);
+  std::printf("%zu paths; recursion %.1e, sum %.1e; weights up to %.1e, values up to %.1e\n", f.paths,
+              f.largest_recursion_error, f.largest_sum_error, f.weight.largest, f.value.largest);
+  EXPECT_GE(f.paths, 200u);
+  EXPECT_LE(f.largest_recursion_error, kOfRecursion);
+  EXPECT_LE(f.largest_sum_error, kOfRecursion);
+  for (const Errors* errors : {&f.weight, &f.listed, &f.merge_weight, &f.value, &f.merge_value})
+    EXPECT_LE(errors->loose, 1 + errors->count * 20 / 1000) << errors->worst;
 }
 
 // No scene of the folders has a lens of finite size in a medium.

@@ -45,6 +45,13 @@ struct OneTechnique {
   bool eye_goes_on(std::uint32_t edges) const { return edges + 1 < t; }
 };
 
+// What kernels with edits that select by more of the path than the vertex know of both subpaths
+// (scene/bsdfs/path_edited.h).
+template <bool kEdits>
+struct EditedSubpaths {
+  explicit EditedSubpaths(const scene::Scene& /*scene*/) {}
+};
+
 // True of a sink with `static constexpr bool kRecordsPaths = true` and
 //   light_started(origin, key)           light left a lamp: a light path, key is its name
 //   met(eye, v, left)                    s = 0: light at v, the vertex at hand of the eye path
@@ -56,8 +63,8 @@ struct OneTechnique {
 template <class Sink>
 concept RecordsPaths = Sink::kRecordsPaths;
 
-// Config: kBetween; Mis; kLists: heuristics that need all densities, Mis is Balance then; Sampler; Choice:
-// one of the above; Sink, with
+// Config: kBetween; kEdits, which may be left out: with EditedSubpaths; Mis; kLists: heuristics that need all
+// densities, Mis is Balance then; Sampler; Choice: one of the above; Sink, with
 //   eye(contribution, s, t)              techniques of t >= 2: along the eye's ray
 //   sum()                                of these, so far
 //   light(contribution, s, t, at, key, letters, labels)
@@ -72,6 +79,7 @@ class Bidirectional {
   static constexpr bool kLists = Config::kLists;
   static constexpr bool kRecords = RecordsPaths<typename Config::Sink>;
   static constexpr bool kMollifies = Mollifying<Config>;
+  static constexpr bool kEdits = requires { requires Config::kEdits; };
   using Mis = typename Config::Mis;
   using Sampler = typename Config::Sampler;
   using Sink = typename Config::Sink;
@@ -91,6 +99,7 @@ class Bidirectional {
         factors_(mis_factors<Mis>(techniques, counts)),
         eye_rules_(eye_rules(options, techniques, counts)),
         light_rules_(light_rules(options, techniques, counts)),
+        edits_(scene),
         path_letters_(letters),
         eye_letters_(transport::eye_letters<kBetween>(letters)) {
     if (eye_letters_) light_letters_.emplace(*letters);
@@ -121,6 +130,7 @@ class Bidirectional {
   transport::LayerSums* layer_sums() { return reads_letters() ? &eye_letters_->sums() : nullptr; }
   // The eye path along a ray.
   void trace_eye(const Ray& ray, Sampler& sampler) {
+    if constexpr (kEdits) edits_.begin_eye();
     if (reads_letters()) eye_letters_->begin(sampler.sample_key(), ray);
     if constexpr (kMollifies) mollified_.eye_started(eye_context_, ray);
     EyeWalk walk(scene_, eye_rules_, factors_, sampler, tallies_);
@@ -170,6 +180,7 @@ class Bidirectional {
   transport::Subpath<typename Mis::Block> light_, eye_;
   transport::WeightTerms terms_;
   transport::TechniqueList list_;
+  [[no_unique_address]] EditedSubpaths<kEdits> edits_;
   const transport::PathLetters* const path_letters_;
   std::optional<transport::EyeLetters> eye_letters_;
   std::optional<transport::LightLetters> light_letters_;
@@ -188,6 +199,7 @@ struct Bidirectional<Config>::LightSide {
 
   void started(const LightWalk& walk) {
     if constexpr (kRecords) e.sink_.light_started(walk.origin(), walk.sample_key());
+    if constexpr (kEdits) e.edits_.begin_light(walk.origin().vertex.emitter);
     if (e.reads_letters()) e.light_letters_->begin(walk.origin(), walk.sample_key());
     if constexpr (kMollifies) e.mollified_.light_started(walk.origin());
   }
@@ -198,6 +210,7 @@ struct Bidirectional<Config>::LightSide {
     transport::Contribution found =
         transport::hit_lens(context, walk, transport::ConstantEta{}, film, e.wanted_terms());
     if (!(found.weight > 0)) return;
+    if constexpr (kEdits) found.value *= e.edits_.share_at_lens();
     if constexpr (kLists) {
       const Vertex& last = *e.light_.before();
       e.list_.clear();
@@ -208,8 +221,9 @@ struct Bidirectional<Config>::LightSide {
     if constexpr (kRecords) e.sink_.met_lens(e.light_, walk.direction(), film);
     e.to_light_sink(found, s, 0, film, rng::combine(key, 2));
   }
-  bool vertex(const LightWalk& walk, const Vertex& v, std::uint64_t key) {
+  bool vertex(const LightWalk& walk, std::conditional_t<kEdits, Vertex, const Vertex>& v, std::uint64_t key) {
     const std::uint32_t s = v.edges + 1;
+    if constexpr (kEdits) e.edits_.light_vertex(e.light_.size(), v);
     if (e.reads_letters()) {
       e.light_states_.resize(e.light_.size());  // it is the next of the list, if it stays
       e.light_states_.push_back(e.light_letters_->states());
@@ -219,6 +233,7 @@ struct Bidirectional<Config>::LightSide {
     if (e.techniques_.light_image && v.connectible && s >= e.options_.min_edges && e.choice_.wants(s, 1) &&
         transport::connect_lens<kBetween, Mis>(context, walk.draws(), v, transport::ConstantEta{}, film,
                                                found, e.wanted_terms(), e.wanted_towards())) {
+      if constexpr (kEdits) found.value *= e.edits_.light_share(e.light_.size(), v);
       if constexpr (kLists) {
         e.list_.clear();
         e.list_.add(e.terms_.next);
@@ -236,6 +251,7 @@ struct Bidirectional<Config>::LightSide {
   bool scattered(const LightWalk& walk, const Vertex& v) const {
     if (e.reads_letters()) e.light_letters_->scattered(v, walk.direction());
     if constexpr (kMollifies) e.mollified_.light_scattered(context, v);
+    if constexpr (kEdits) e.edits_.leave_light(e.light_.size(), v);
     return e.choice_.light_goes_on(v.edges);
   }
 };
@@ -251,6 +267,7 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
     if (!e.techniques_.hit_light || v.edges < e.options_.min_edges || !e.choice_.wants(0, v.edges + 1) ||
         !transport::hit_light<Mis>(context, v, left, before, {}, found, e.wanted_terms()))
       return;
+    if constexpr (kEdits) found.value *= e.edits_.share_at_light(v, left);
     if constexpr (kLists) {
       if (v.edges > 1) {
         e.list_.clear();
@@ -263,7 +280,8 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
     e.sink_.eye(found, 0, v.edges + 1);
     if (e.reads_letters()) e.eye_letters_->met(e.sink_.sum(), v, left);
   }
-  bool vertex(const EyeWalk& walk, const Vertex& v) {
+  bool vertex(const EyeWalk& walk, std::conditional_t<kEdits, Vertex, const Vertex>& v) {
+    if constexpr (kEdits) e.edits_.eye_vertex(e.eye_.size(), v);
     if (v.connectible && v.edges < e.eye_rules_.max_edges) {
       if (e.techniques_.next_event && v.edges + 1 >= e.options_.min_edges) light_directly(walk, v);
       if (e.techniques_.connect) connect_all(walk, v);
@@ -275,16 +293,24 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
   bool scattered(const EyeWalk& walk, const Vertex& v) const {
     if (e.reads_letters()) e.eye_letters_->scattered(v, walk.direction());
     if constexpr (kMollifies) e.mollified_.eye_scattered(context, v);
+    if constexpr (kEdits) e.edits_.leave_eye(e.eye_.size(), v);
     return e.choice_.eye_goes_on(v.edges);
   }
 
  private:
   void light_directly(const EyeWalk& walk, const Vertex& v) {
     transport::Contribution found;
-    if (!e.choice_.wants(1, v.edges + 1) ||
-        !transport::next_event<kBetween, Mis>(context, walk.draws(), v, {}, found, e.wanted_terms(),
-                                              e.wanted_towards()))
+    if (!e.choice_.wants(1, v.edges + 1)) return;
+    if constexpr (kEdits) {
+      const auto next_event = [&] {
+        return transport::next_event<kBetween, Mis>(context, walk.draws(), v, {}, found, e.wanted_terms(),
+                                                    &e.towards_);
+      };
+      if (!e.edits_.light_directly(e.eye_.size(), v, next_event, found, e.towards_)) return;
+    } else if (!transport::next_event<kBetween, Mis>(context, walk.draws(), v, {}, found, e.wanted_terms(),
+                                                     e.wanted_towards())) {
       return;
+    }
     if constexpr (kLists) {
       e.list_.clear();
       e.list_.add(e.terms_.next);
@@ -302,9 +328,11 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
       const Vertex& z = e.light_[i];
       if (!z.connectible || z.edges + v.edges + 1 > e.eye_rules_.max_edges) continue;
       if (!e.choice_.wants(z.edges + 1, v.edges + 1)) continue;
+      if constexpr (kEdits) e.edits_.join(i, z, e.eye_.size(), v);
       if (!transport::connect<kBetween, Mis>(context, z, v, rng::combine(passage, i + 1), {}, found,
                                              e.wanted_terms()))
         continue;
+      if constexpr (kEdits) found.value *= e.edits_.light_share(i, z) * e.edits_.eye_share(e.eye_.size(), v);
       if constexpr (kLists) {
         e.list_.clear();
         e.list_.add_side(e.light_, z, e.terms_.light_step, e.terms_.light_reverse);

@@ -53,8 +53,9 @@ class ListSink {
 };
 
 // Bidirectional for chains. ChoiceT: see there.
-template <transport::Between kB, class ChoiceT, bool kM = false>
+template <transport::Between kB, class ChoiceT, bool kM = false, bool kE = false>
 struct ListConfig {
+  static constexpr bool kEdits = kE;
   static constexpr transport::Between kBetween = kB;
   static constexpr bool kLists = false;
   static constexpr bool kMollifies = kM;

@@ -31,6 +31,7 @@
 #include "worker/estimators/first_vertex.h"
 #include "worker/estimators/options.h"
 #include "worker/samplers/sampler.h"
+#include "worker/scene/bsdfs/path_edited.h"
 #include "worker/scene/emitters/light_groups.h"
 #include "worker/scene/emitters/lights.h"
 #include "worker/scene/scene.h"
@@ -58,14 +59,15 @@ struct NoMollifier {};
 // or a chain's. FirstT: FirstVertex, if it has techniques of its own there. With groups of lights next event
 // estimation draws a point, and traces a shadow ray, for each of them
 // (docs/integrators/path.md, "Shadow rays"). With a mollifier delta lobes are connected to lights that no ray
-// meets (transport/regularise.h).
+// meets (transport/regularise.h). kEdits: with edits that select by more of the path than the vertex, whose
+// walk, at its start, is the constructor's last argument.
 template <transport::Between kBetween, class SceneT, class SamplerT, class FirstT = NoFirstVertex,
-          bool kLetters = false, bool kMollifies = false>
+          bool kLetters = false, bool kMollifies = false, bool kEdits = false>
 class PathTracer {
  public:
   PathTracer(const SceneT& scene, const PathOptions& options, const Techniques& techniques, SamplerT& sampler,
              film::Tallies& tallies, FirstT* first = nullptr, const scene::LightGroups* groups = nullptr,
-             transport::EyeLetters* letters = nullptr)
+             transport::EyeLetters* letters = nullptr, scene::EditedWalk* edits = nullptr)
       : scene_(scene),
         options_(options),
         hit_light_(techniques.hit_light),
@@ -77,7 +79,8 @@ class PathTracer {
         tallies_(tallies),
         first_(first),
         groups_(groups),
-        letters_(letters) {}
+        letters_(letters),
+        edits_(edits) {}
 
   void mollify(const transport::Mollifier& mollifier) { mollifier_ = mollifier; }
 
@@ -156,9 +159,13 @@ class PathTracer {
     const Vec3 wo = -ray_.direction;
     front_ = {};
     ++scatterings_;
+    if constexpr (kEdits) edits_->medium(medium_, here.p);
     const auto eval_pdf = [&](Vec3 wi, float& pdf_solid_angle) {
       pdf_solid_angle = phase.pdf_solid_angle(wo, wi);
-      return Spectrum(phase.eval(wo, wi));
+      if constexpr (kEdits)
+        return edits_->medium_share() * phase.eval(wo, wi);
+      else
+        return Spectrum(phase.eval(wo, wi));
     };
     const auto token = [&](Vec3 /*wi*/, std::uint64_t /*key*/) {
       return letters_->letters().in_medium(medium_, here.p);
@@ -172,6 +179,7 @@ class PathTracer {
       sample_light(here, front_, eval_pdf, token);
     previous_pdf_solid_angle_ = phase.sample(wo, draw_2d(transport::path_block::kDirection), ray_.direction);
     previous_delta_ = false;
+    if constexpr (kEdits) edits_->leave_medium();
     if (!first && !survives(true)) return false;
     if constexpr (kLetters) letters_->step(token({}, 0));
     ray_ = {here.p, ray_.direction};
@@ -185,7 +193,7 @@ class PathTracer {
   bool scatter(const scene::SurfaceHit& hit) {
     const Vec3 wo = hit.shading.to_local(-ray_.direction);
     arena_.clear();
-    const scene::Closure closure = scene_.closure(hit, wo, arena_);
+    const scene::Closure closure = closure_at(hit, wo);
     if (closure.black) return false;
     const Vec3 side = closure.scatters_through() ? Vec3{} : wo.z < 0 ? -hit.shading.n : hit.shading.n;
     const bool connectible = !closure.purely_delta();
@@ -235,6 +243,13 @@ class PathTracer {
       if (first) leave_first();
     }
     return true;
+  }
+
+  [[gnu::always_inline]] scene::Closure closure_at(const scene::SurfaceHit& hit, Vec3 wo) {
+    if constexpr (kEdits)
+      return edits_->surface(hit, scene_.closure(hit, wo, arena_));
+    else
+      return scene_.closure(hit, wo, arena_);
   }
 
   // All techniques of direct light but the bsdf's, from the vertex `here`.
@@ -333,6 +348,7 @@ class PathTracer {
                                         std::uint32_t block, const EvalPdf& eval_pdf,
                                         [[maybe_unused]] const Token& token) {
     float pdf_solid_angle = 0;
+    if constexpr (kEdits) edits_->towards_lamp(light.emitter);
     Spectrum value = eval_pdf(light.wi, pdf_solid_angle);
     if (value.is_black()) return;
     pass_to_light(here, light, block, value);
@@ -367,7 +383,10 @@ class PathTracer {
 
   // Light that the ray found by itself.
   void add_environment() {
-    const Spectrum arriving = scene_.environment(ray_.direction);
+    Spectrum arriving = scene_.environment(ray_.direction);
+    if constexpr (kEdits) {
+      if (!arriving.is_black()) arriving *= edits_->share_at_lamp(scene_.lights().environments()[0]);
+    }
     if (arriving.is_black()) return;
     if constexpr (kFirst) {
       if (depth_ == first_depth_) {
@@ -383,7 +402,8 @@ class PathTracer {
     if constexpr (kLetters) letters_->met_outside(sum_, ray_.direction);
   }
   void add_emitted(const scene::SurfaceHit& hit) {
-    const Spectrum emitted = scene_.emitted(hit, -ray_.direction);
+    Spectrum emitted = scene_.emitted(hit, -ray_.direction);
+    if constexpr (kEdits) emitted *= edits_->share_at_lamp(hit.emitter);
     if (emitted.is_black()) return;
     if constexpr (kFirst) {
       if (depth_ == first_depth_) {
@@ -456,6 +476,7 @@ class PathTracer {
   [[maybe_unused]] FirstT* const first_;
   [[maybe_unused]] const scene::LightGroups* const groups_;
   [[maybe_unused]] transport::EyeLetters* const letters_;  // of this path, if they are read
+  [[maybe_unused]] scene::EditedWalk* const edits_;        // likewise
 
   Ray ray_;
   Spectrum sum_;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "worker/estimators/path.h"
+#include "worker/scene/objects.h"
 
 namespace candela::estimators {
 
@@ -38,6 +39,14 @@ RadianceFunction<SamplerT> path_radiance_between(transport::Between between) {
 template <class SamplerT>
 RadianceFunction<SamplerT> path_radiance_with_letters(transport::Between between);
 
+// A RadianceFunction with edits that select by more of the path than the vertex; it has no groups of lights
+// and no letters. Precondition: the scene has such edits (SceneObjects::path_edits).
+template <class SamplerT>
+Spectrum path_radiance_with_edits(const scene::Scene& scene, const PathOptions& options,
+                                  const Techniques& techniques, const Ray& ray, SamplerT& sampler,
+                                  film::Tallies& tallies, const scene::LightGroups* groups,
+                                  transport::EyeLetters* letters);
+
 // letters: the function is called with letters; else without.
 template <class SamplerT>
 RadianceFunction<SamplerT> path_radiance_for(transport::Between between, bool letters) {
@@ -52,5 +61,12 @@ Spectrum mollified_path_radiance(const scene::Scene& scene, const PathOptions& o
                                  const Techniques& techniques, const Ray& ray, SamplerT& sampler,
                                  film::Tallies& tallies, const scene::LightGroups* groups,
                                  const transport::Mollifier& mollifier);
+// The same, or that with edits if the scene has some that need it.
+template <class SamplerT>
+RadianceFunction<SamplerT> path_radiance_in(const scene::Scene& scene, transport::Between between,
+                                            bool letters) {
+  return scene.objects().path_edits != nullptr ? &path_radiance_with_edits<SamplerT>
+                                               : path_radiance_for<SamplerT>(between, letters);
+}
 
 }  // namespace candela::estimators

@@ -59,6 +59,10 @@ Result<void> check(const Regularization& regularization, const scene::SceneFeatu
     return usage_error("layers by light path expressions do not know mollified paths")
         .with_field("regularise")
         .with_mend("leave out the expressions, or give regularise=off");
+  if (regularization.runs() && !features.edits.empty())
+    return usage_error("edits are not derived for mollified vertices: " + features.edits.front())
+        .with_field("regularise")
+        .with_mend("leave out the edits, or give regularise=off");
   return {};
 }
 

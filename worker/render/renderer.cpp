@@ -322,6 +322,8 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   CANDELA_ASSIGN(edits.list, edits::parse_edits(settings.edits));
   CANDELA_TRY(edits::check_integrator(edits.list, settings.integrator,
                                       edits::max_depth_of(settings.integrator_settings)));
+  CANDELA_TRY(description::check_edits(edits.list, *description.scene, settings.integrator,
+                                       !settings.layers.empty()));
   edits.names = described.names;
   edits.uses = described.uses;
   options.edits = &edits;

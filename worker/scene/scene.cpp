@@ -144,6 +144,7 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
   for (const Bsdf& bsdf : impl.bsdfs) impl.straight.push_back(bsdf.facts().straight);
   builder.finish_features();
   builder.finish_objects();
+  if (edited) CANDELA_TRY(builder.finish_edits(*options.edits));
   Result<Accel> built = Accel::build(impl.geometry, options.isa, options.build_threads, files.budget());
   if (!built.ok() && built.error().kind == ErrorKind::input)
     return std::move(built).error().at(root.where.file, root.where.line);

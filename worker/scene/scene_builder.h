@@ -81,6 +81,9 @@ class SceneBuilder {
   // Puts edits around the bsdfs of the shapes that they select. The objects have names. Call it after
   // shapes(), and add no bsdf later.
   Result<void> edit(const EditRequest& request);
+  // If an edit selects by more of the path than its vertex edit() did nothing, and this makes
+  // objects().path_edits. Call it last.
+  Result<void> finish_edits(const EditRequest& request);
   Result<void> finish_geometry();
   Result<void> emitter(const description::Object& object);
   void finish_features();
@@ -159,6 +162,7 @@ class SceneBuilder {
   SceneFeatures& features_;
   SceneObjects& objects_;
   SceneEdits& edits_;
+  bool edited_ = false;  // edit() found no edits that select by more of the path
   std::optional<description::ObjectNamesOfScene> names_;  // if somebody asks for them
   std::map<std::pair<letters::ObjectUse, std::vector<std::string>>, std::uint32_t> object_of_names_;
   std::map<const description::Object*, std::uint32_t> bsdf_of_object_;

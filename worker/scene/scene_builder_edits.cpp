@@ -1,14 +1,17 @@
 // Edits of light transport: the surfaces that they select, and their bsdfs.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <bit>
 #include <map>
-#include <set>
+#include <optional>
 #include <utility>
 
 #include "common/base/text.h"
 #include "common/edits/selection.h"
 #include "common/letters/expression.h"
+#include "worker/scene/bsdfs/path_edited.h"
 #include "worker/scene/scene_builder.h"
 
 namespace candela::scene {
@@ -48,11 +51,46 @@ std::string named(const std::vector<std::string>& names) {
   return names.empty() ? std::string("without a name") : quote(names.front());
 }
 
-std::string note_of(const edits::Edit& edit, std::size_t selected, std::size_t shapes) {
+// It is no vertex of a path.
+bool scatters_nothing(const BsdfFacts& facts) {
+  return facts.black() || (!facts.smooth && !facts.delta);
+}
+
+Error passes_straight(const edits::Edit& edit, const std::vector<std::string>& surface) {
+  return input_error(fmt::format("edit '{}' selects the surface {}, which lets light pass straight on",
+                                 edit.name, named(surface)))
+      .with_mend("name the surfaces that it selects: X{wall}; masks and thin glass cannot be edited");
+}
+
+Error too_many_edits(const std::vector<std::string>& surface) {
+  return input_error(fmt::format("more than {} edits of one direction select the surface {}",
+                                 SurfaceEdits::kMost, named(surface)));
+}
+
+// Lobes that are not delta may be diffuse and glossy at one place.
+bool mixes_letters(const Bsdf& bsdf) {
+  constexpr std::array<std::string_view, 7> kNoGlossy = {
+      "diffuse", "difftrans", "roughdiffuse", "plastic", "conductor", "dielectric", "thindielectric"};
+  constexpr std::array<std::string_view, 2> kOneGlossy = {"roughconductor", "roughdielectric"};
+  constexpr std::array<std::string_view, 5> kAround = {"null", "mask", "twosided", "bumpmap", "normalmap"};
+  const auto in = [](const auto& list, const std::string& name) {
+    return std::find(list.begin(), list.end(), name) != list.end();
+  };
+  std::vector<std::string> plugins;
+  bsdf.collect_plugins(plugins);
+  bool all_diffuse = true, alone = true;
+  for (const std::string& name : plugins) {
+    all_diffuse &= in(kNoGlossy, name) || in(kAround, name) || name == "blendbsdf";
+    alone &= in(kOneGlossy, name) || in(kAround, name);
+  }
+  return !all_diffuse && !alone;
+}
+
+std::string note_of(const edits::Edit& edit, std::size_t selected, std::size_t shapes, bool by_path) {
   std::string text =
-      fmt::format("edit '{}': {} {}, {} of {} shapes", edit.name,
+      fmt::format("edit '{}': {} {}, {}{} of {} shapes", edit.name,
                   edit.direction == edits::Edit::Direction::light ? "light after" : "gathered at",
-                  edit.select, selected, shapes);
+                  edit.select, by_path ? "by the path: at most " : "", selected, shapes);
   if (!edit.source.empty()) text += fmt::format(", towards {}", edit.source);
   if (edit.rotate) text += fmt::format(", turned by {} degrees", edit.rotate->degrees);
   if (edit.move) text += ", moved";
@@ -70,9 +108,10 @@ Result<void> SceneBuilder::edit(const EditRequest& request) {
   names.insert(names.end(), request.names.begin(), request.names.end());
   uses.insert(uses.end(), request.uses.begin(), request.uses.end());
   std::vector<edits::Selection> selections;
-  bool by_place = false;
+  bool by_place = false, by_path = false;
   for (const edits::Edit& edit : list.edits) {
     CANDELA_ASSIGN(edits::Selection selection, edits::Selection::compile(list, edit, names, uses));
+    by_path |= selection.by_path();
     selections.push_back(std::move(selection));
     edits_.edits.push_back({.of_light = edit.direction == edits::Edit::Direction::light,
                             .map = direction_map(edit),
@@ -84,6 +123,7 @@ Result<void> SceneBuilder::edit(const EditRequest& request) {
   }
   for (const letters::Region& region : list.regions) edits_.regions.push_back(cone_of(region));
   edits_.glossy_below = static_cast<float>(list.glossy_below);
+  if (by_path) return {};  // finish_edits() does the rest
 
   const std::uint32_t places = by_place ? 1u << list.regions.size() : 1;
   std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> made;  // by bsdf and object
@@ -91,23 +131,20 @@ Result<void> SceneBuilder::edit(const EditRequest& request) {
   for (std::uint32_t shape = 0; shape < geometry_.shapes.size(); ++shape) {
     const std::uint32_t bsdf = geometry_.shapes[shape].bsdf, object = objects_.of_shape[shape];
     const BsdfFacts facts = bsdfs_[bsdf].facts();
-    if (facts.black() || (!facts.smooth && !facts.delta)) continue;  // it is no vertex of a path
+    if (scatters_nothing(facts)) continue;
     SurfaceEdits edits;
     edits.scene = &edits_;
     for (std::uint32_t place = 0; place < places; ++place)
       edits.by_regions.push_back(treatments_of(edits_, selections, object, place));
     const SurfaceEdits::Treatment all = all_of(edits.by_regions);
     if (all == SurfaceEdits::Treatment{}) continue;
-    const std::string& first =
-        list.edits[std::countr_zero(static_cast<unsigned>(all.of_light | all.of_eye))].name;
     if (facts.straight)
-      return input_error(fmt::format("edit '{}' selects the surface {}, which lets light pass straight on",
-                                     first, named(objects_.names[object])))
-          .with_mend("name the surfaces that it selects: X{wall}; masks and thin glass cannot be edited");
+      return passes_straight(list.edits[static_cast<std::size_t>(
+                                 std::countr_zero(static_cast<unsigned>(all.of_light | all.of_eye)))],
+                             objects_.names[object]);
     for (const std::uint16_t bits : {all.of_light, all.of_eye})
       if (std::popcount(bits) > static_cast<int>(SurfaceEdits::kMost))
-        return input_error(fmt::format("more than {} edits of one direction select the surface {}",
-                                       SurfaceEdits::kMost, named(objects_.names[object])));
+        return too_many_edits(objects_.names[object]);
     for (std::size_t k = 0; k < selected.size(); ++k) selected[k] += (all.of_light | all.of_eye) >> k & 1;
     const auto [at, fresh] = made.try_emplace({bsdf, object}, static_cast<std::uint32_t>(bsdfs_.size()));
     if (fresh) {
@@ -117,7 +154,70 @@ Result<void> SceneBuilder::edit(const EditRequest& request) {
     geometry_.shapes[shape].bsdf = at->second;
   }
   for (std::size_t k = 0; k < selected.size(); ++k)
-    features_.edits.push_back(note_of(list.edits[k], selected[k], geometry_.shapes.size()));
+    features_.edits.push_back(note_of(list.edits[k], selected[k], geometry_.shapes.size(), false));
+  edited_ = true;
+  return {};
+}
+
+Result<void> SceneBuilder::finish_edits(const EditRequest& request) {
+  if (edited_) return {};
+  const edits::EditList& list = request.list;
+  std::vector<letters::ObjectNames> names = objects_.names;
+  std::vector<std::uint8_t> uses = objects_.uses;
+  names.insert(names.end(), request.names.begin(), request.names.end());
+  uses.insert(uses.end(), request.uses.begin(), request.uses.end());
+  using Direction = edits::Edit::Direction;
+  CANDELA_ASSIGN(edits::PathStates of_light, edits::PathStates::compile(list, Direction::light, names, uses));
+  CANDELA_ASSIGN(edits::PathStates of_eye, edits::PathStates::compile(list, Direction::eye, names, uses));
+
+  const std::uint32_t places = 1u << list.regions.size();
+  std::vector<std::size_t> selected(list.edits.size());
+  std::vector<bool> scatters(geometry_.shapes.size());
+  for (std::uint32_t shape = 0; shape < geometry_.shapes.size(); ++shape) {
+    const std::uint32_t bsdf = geometry_.shapes[shape].bsdf, object = objects_.of_shape[shape];
+    const BsdfFacts facts = bsdfs_[bsdf].facts();
+    scatters[shape] = !scatters_nothing(facts);
+    if (!scatters[shape]) continue;
+    const bool mixes = mixes_letters(bsdfs_[bsdf]);
+    std::array<std::uint16_t, 2> all{};
+    for (const edits::PathStates* states : {&of_light, &of_eye})
+      for (std::uint32_t place = 0; place < places; ++place)
+        for (const Side side : {Side::reflected, Side::transmitted})
+          for (std::size_t q = 0; q < states->size(); ++q) {
+            const auto state = static_cast<edits::PathStates::State>(q);
+            for (const Letter letter : {Letter::diffuse, Letter::glossy, Letter::specular})
+              all[states == &of_eye] |=
+                  states->selected(state, states->class_of(letter, side, object, place));
+            if (mixes && states->next(state, states->class_of(Letter::diffuse, side, object, place)) !=
+                             states->next(state, states->class_of(Letter::glossy, side, object, place)))
+              return input_error(
+                         fmt::format("the edits of {} tell D from G at the surface {}, which scatters "
+                                     "by both at once",
+                                     states == &of_light ? "light" : "what is gathered",
+                                     named(objects_.names[object])))
+                  .with_mend("write X or [DG] for vertices before the edited one");
+          }
+    const auto either = static_cast<unsigned>(all[0] | all[1]);
+    if (either != 0 && facts.straight)
+      return passes_straight(list.edits[static_cast<std::size_t>(std::countr_zero(either))],
+                             objects_.names[object]);
+    for (const std::uint16_t bits : all)
+      if (std::popcount(bits) > static_cast<int>(SurfaceEdits::kMost))
+        return too_many_edits(objects_.names[object]);
+    for (std::size_t k = 0; k < selected.size(); ++k) selected[k] += either >> k & 1;
+  }
+  std::optional<std::uint32_t> outside;
+  for (const std::uint32_t emitter : lights_.environments()) {
+    const std::uint32_t state = of_light.at_lamp(objects_.of_emitter[emitter]);
+    if (outside && *outside != state)
+      return input_error("edits tell lights from outside of the scene apart, whose light arrives together")
+          .with_mend("name none of them: L");
+    outside = state;
+  }
+  for (std::size_t k = 0; k < selected.size(); ++k)
+    features_.edits.push_back(note_of(list.edits[k], selected[k], geometry_.shapes.size(), true));
+  objects_.path_edits = std::make_shared<const PathEdits>(
+      PathEdits{std::move(of_light), std::move(of_eye), &edits_, &objects_, std::move(scatters)});
   return {};
 }
 

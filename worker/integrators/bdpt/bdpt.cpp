@@ -1,12 +1,14 @@
 // The bdpt integrator: settings, plan, and the choice of an estimator (estimators/bidirectional.h) by them.
 #include "worker/integrators/bdpt/bdpt.h"
 
+#include "worker/estimators/edited_subpaths.h"
 #include "worker/integrators/bdpt/mollified.h"
 #include "worker/integrators/bdpt/run_kernel.h"
 #include "worker/integrators/bidirectional/plan.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/plan_between.h"
 #include "worker/integrators/plan_walks.h"
+#include "worker/scene/objects.h"
 
 namespace candela::integrators {
 namespace {
@@ -16,9 +18,10 @@ using estimators::PathOptions;
 using transport::Between;
 using transport::MisHeuristic;
 
-template <Between kB, class MisT, bool kL>
+template <Between kB, class MisT, bool kL, bool kE = false>
 struct FilmConfig {
   static constexpr Between kBetween = kB;
+  static constexpr bool kEdits = kE;
   static constexpr bool kLists = kL;
   using Mis = MisT;
   using Sampler = samplers::Sampler;
@@ -29,18 +32,18 @@ struct FilmConfig {
 using bdpt::Run;
 using bdpt::run_kernel;
 
-template <Between kBetween>
+template <Between kBetween, bool kEdits = false>
 Run run_for(MisHeuristic heuristic) {
   switch (heuristic) {
     case MisHeuristic::balance:
-      return &run_kernel<FilmConfig<kBetween, transport::Balance, false>>;
+      return &run_kernel<FilmConfig<kBetween, transport::Balance, false, kEdits>>;
     case MisHeuristic::power:
-      return &run_kernel<FilmConfig<kBetween, transport::Power, false>>;
+      return &run_kernel<FilmConfig<kBetween, transport::Power, false, kEdits>>;
     case MisHeuristic::maximum:
     case MisHeuristic::cutoff:
       break;
   }
-  return &run_kernel<FilmConfig<kBetween, transport::Balance, true>>;
+  return &run_kernel<FilmConfig<kBetween, transport::Balance, true, kEdits>>;
 }
 
 class BdptIntegrator final : public IterationIntegrator {
@@ -53,10 +56,14 @@ class BdptIntegrator final : public IterationIntegrator {
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
-    const Run chosen = regularization_.runs() ? bdpt::mollified_run_for(options_.heuristic)
-                                              : with_between(planned_.between, [&](auto between) {
-                                                  return run_for<between()>(options_.heuristic);
-                                                });
+    Run chosen = nullptr;
+    if (context.scene.objects().path_edits != nullptr)
+      chosen = run_for<Between::media, true>(options_.heuristic);
+    else if (regularization_.runs())
+      chosen = bdpt::mollified_run_for(options_.heuristic);
+    else
+      chosen = with_between(planned_.between,
+                            [&](auto between) { return run_for<between()>(options_.heuristic); });
     return chosen(context, options_, planned_.techniques, layers_, regularization_, unit, *output.film,
                   run_context);
   }

@@ -23,8 +23,8 @@ class DirectLight {
       : context_(context),
         options_(options),
         techniques_(planned.techniques),
-        radiance_(
-            estimators::path_radiance_for<samplers::Sampler>(planned.between, context.letters != nullptr)),
+        radiance_(estimators::path_radiance_in<samplers::Sampler>(context.scene, planned.between,
+                                                                  context.letters != nullptr)),
         samples_(samples),
         order_(std::uint64_t{context.width} * context.height,
                rng::key(context.seed, 0x646972656374ULL, half)),  // "direct"

@@ -1,12 +1,15 @@
 #include "worker/integrators/light/light.h"
 
+#include "worker/estimators/edited_light.h"
 #include "worker/estimators/eye_radiance.h"
 #include "worker/estimators/light_tracing.h"
+#include "worker/estimators/path_dispatch.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/light_paths.h"
 #include "worker/integrators/plan_between.h"
 #include "worker/integrators/plan_walks.h"
+#include "worker/scene/objects.h"
 
 namespace candela::integrators {
 namespace {
@@ -31,6 +34,13 @@ Result<void> run_light(const PathOptions& options, const Techniques& techniques,
   const estimators::PathCounts counts{static_cast<double>(paths), static_cast<double>(paths),
                                       static_cast<float>(context.filter.radius())};
   const transport::Splatter splatter(context.filter, film, context.width, context.height);
+  if constexpr (kBetween == Between::media) {
+    if (const auto& edits = context.scene.objects().path_edits)
+      return run_light_paths(context, unit, paths, film, run, [&](film::Tallies& tallies) {
+        return estimators::EditedLightTracing<Mis>(context.scene, *edits, options, techniques, counts,
+                                                   splatter, tallies);
+      });
+  }
   const transport::ConstantEta no_merging;
   const estimators::NoStore no_store;
   return run_light_paths(context, unit, paths, film, run, [&](film::Tallies& tallies) {
@@ -46,9 +56,19 @@ class LightIntegrator final : public IterationIntegrator {
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
-    return with_between(planned_.between, [&](auto between) {
+    const bool edited = context.scene.objects().path_edits != nullptr;
+    return with_between(edited ? Between::media : planned_.between, [&](auto between) {
       return run_kernel<between()>(context, unit, *output.film, run_context);
     });
+  }
+
+  std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
+    if (context.scene.objects().path_edits == nullptr) return pilot_by_eye_walk(context, count, options_);
+    return pilot_eye_samples(context, count,
+                             [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
+                               return estimators::path_radiance_with_edits(
+                                   context.scene, options_, {}, ray, sampler, tallies, nullptr, nullptr);
+                             });
   }
 
  private:

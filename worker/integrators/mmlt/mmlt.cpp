@@ -62,6 +62,8 @@ class MmltIntegrator final : public ChainIntegrator {
 
   std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, film::Tallies& tallies,
                                                double bandwidth) const override {
+    if (context.scene.objects().path_edits != nullptr)
+      return std::make_unique<mcmc::PrimarySpace>(target<Between::media, true>(context, tallies), steps_);
     if (regularization_.runs())
       return std::make_unique<mcmc::PrimarySpace>(
           mmlt::make_mollified_target(context, options_, planned_.techniques, lengths_, bandwidth, tallies),
@@ -70,10 +72,10 @@ class MmltIntegrator final : public ChainIntegrator {
         with_between(planned_.between, [&](auto between) { return target<between()>(context, tallies); }),
         steps_);
   }
-  template <Between kBetween>
+  template <Between kBetween, bool kEdits = false>
   std::unique_ptr<mcmc::PrimaryTarget> target(const UnitContext& context, film::Tallies& tallies) const {
-    return std::make_unique<mmlt::Target<kBetween>>(context, options_, planned_.techniques, lengths_,
-                                                    tallies);
+    return std::make_unique<mmlt::Target<kBetween, false, kEdits>>(context, options_, planned_.techniques,
+                                                                   lengths_, tallies);
   }
 
   estimators::PathOptions options_;

@@ -4,6 +4,7 @@
 // dimensions of all other numbers mean.
 #pragma once
 
+#include "worker/estimators/edited_subpaths.h"
 #include "worker/estimators/list_sink.h"
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/mmlt/lengths.h"
@@ -36,8 +37,9 @@ inline estimators::OneTechnique technique(std::uint32_t edges, const TechniqueCo
   return made_with(choice < count.light_image ? edges : edges + 1);
 }
 
-// kMollifies: paths that no technique can sample are mollified, with this bandwidth.
-template <transport::Between kBetween, bool kMollifies = false>
+// kMollifies: paths that no technique can sample are mollified, with this bandwidth. kEdits: as
+// Bidirectional.
+template <transport::Between kBetween, bool kMollifies = false, bool kEdits = false>
 class Target final : public mcmc::PrimaryTarget {
  public:
   Target(const UnitContext& context, const estimators::PathOptions& options,
@@ -86,7 +88,7 @@ class Target final : public mcmc::PrimaryTarget {
   estimators::ListSink sink_;
   const estimators::Techniques& techniques_;
   const Lengths& lengths_;
-  estimators::Bidirectional<estimators::ListConfig<kBetween, estimators::OneTechnique, kMollifies>>
+  estimators::Bidirectional<estimators::ListConfig<kBetween, estimators::OneTechnique, kMollifies, kEdits>>
       estimator_;
   film::Tallies& tallies_;
 };

@@ -23,21 +23,26 @@ class PathIntegrator final : public IterationIntegrator {
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
     const auto groups = groups_of(context.scene);
-    if (regularization_.runs()) return run_mollified(context, unit, groups.get(), *output.film, run_context);
+    const auto radiance =
+        edited(context) ? &estimators::path_radiance_with_edits<samplers::Sampler> : radiance_;
+    if (regularization_.runs() && !edited(context))
+      return run_mollified(context, unit, groups.get(), *output.film, run_context);
     return run_eye_samples(context, unit, *output.film, run_context,
                            [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies,
                                transport::EyeLetters* letters) {
-                             return radiance_(context.scene, options_, planned_.techniques, ray, sampler,
-                                              tallies, groups.get(), letters);
+                             return radiance(context.scene, options_, planned_.techniques, ray, sampler,
+                                             tallies, groups.get(), letters);
                            });
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
     const auto groups = groups_of(context.scene);
+    const auto radiance =
+        edited(context) ? &estimators::path_radiance_with_edits<samplers::Sampler> : pilot_radiance_;
     return pilot_eye_samples(context, count,
                              [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
-                               return pilot_radiance_(context.scene, options_, planned_.techniques, ray,
-                                                      sampler, tallies, groups.get(), nullptr);
+                               return radiance(context.scene, options_, planned_.techniques, ray, sampler,
+                                               tallies, groups.get(), nullptr);
                              });
   }
 
@@ -54,6 +59,7 @@ class PathIntegrator final : public IterationIntegrator {
                            });
   }
 
+  static bool edited(const UnitContext& context) { return context.scene.objects().path_edits != nullptr; }
   // Null: one shadow ray a vertex.
   std::unique_ptr<scene::LightGroups> groups_of(const scene::Scene& scene) const {
     if (!ray_a_group_) return nullptr;

@@ -51,14 +51,18 @@ class PssmltIntegrator final : public ChainIntegrator {
     if (over_path_)
       return std::make_unique<pssmlt::PathTarget>(
           context, options_, planned_.techniques,
-          estimators::path_radiance_for<mcmc::PrimarySampler>(planned_.between, context.letters != nullptr),
+          estimators::path_radiance_in<mcmc::PrimarySampler>(context.scene, planned_.between,
+                                                             context.letters != nullptr),
           tallies);
+    if (context.scene.objects().path_edits != nullptr)
+      return bdpt_target<Between::media, true>(context, tallies);
     return with_between(planned_.between,
                         [&](auto between) { return bdpt_target<between()>(context, tallies); });
   }
-  template <Between kBetween>
+  template <Between kBetween, bool kEdits = false>
   std::unique_ptr<mcmc::PrimaryTarget> bdpt_target(const UnitContext& context, film::Tallies& tallies) const {
-    return std::make_unique<pssmlt::BdptTarget<kBetween>>(context, options_, planned_.techniques, tallies);
+    return std::make_unique<pssmlt::BdptTarget<kBetween, false, kEdits>>(context, options_,
+                                                                         planned_.techniques, tallies);
   }
 
   bool over_path_;

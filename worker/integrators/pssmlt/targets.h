@@ -4,6 +4,7 @@
 
 #include <optional>
 
+#include "worker/estimators/edited_subpaths.h"
 #include "worker/estimators/list_sink.h"
 #include "worker/estimators/path_dispatch.h"
 #include "worker/integrators/integrator.h"
@@ -49,8 +50,9 @@ class PathTarget final : public mcmc::PrimaryTarget {
   std::optional<transport::EyeLetters> letters_;
 };
 
-// kMollifies: paths that no technique can sample are mollified, with this bandwidth.
-template <transport::Between kBetween, bool kMollifies = false>
+// kMollifies: paths that no technique can sample are mollified, with this bandwidth. kEdits: as
+// Bidirectional.
+template <transport::Between kBetween, bool kMollifies = false, bool kEdits = false>
 class BdptTarget final : public mcmc::PrimaryTarget {
  public:
   BdptTarget(const UnitContext& context, const PathOptions& options, const Techniques& techniques,
@@ -79,7 +81,7 @@ class BdptTarget final : public mcmc::PrimaryTarget {
   estimators::FilmDomain film_;
   estimators::ListSink sink_;
   bool light_paths_;
-  estimators::Bidirectional<estimators::ListConfig<kBetween, estimators::EveryTechnique, kMollifies>>
+  estimators::Bidirectional<estimators::ListConfig<kBetween, estimators::EveryTechnique, kMollifies, kEdits>>
       estimator_;
   film::Tallies& tallies_;
 };

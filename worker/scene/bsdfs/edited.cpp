@@ -4,26 +4,19 @@
 #include <cmath>
 
 #include "worker/scene/bsdfs/bsdf_build.h"
+#include "worker/scene/bsdfs/edited_branches.h"
 
 namespace candela::scene {
-namespace {
 
+using edited::apply;
+using edited::Branch;
+using edited::Branches;
+using edited::factor_against;
+using edited::factor_with;
+using edited::undo;
 using Treatment = SurfaceEdits::Treatment;
 
-constexpr std::size_t kMaxBranches = std::size_t{1} << SurfaceEdits::kMost;
-
-// A direction that light along another one may have been meant for.
-struct Branch {
-  Vec3 w;
-  double jacobian = 1;  // of solid angle: d omega(w) / d omega(the other)
-  Spectrum factor = Spectrum(1);
-  bool moved = false;
-};
-struct Branches {
-  std::uint32_t count = 0;
-  std::array<Branch, kMaxBranches> at;
-  void add(const Branch& branch) { at[count++] = branch; }
-};
+namespace {
 
 Vec3d to_world(const EditedClosure& e, Vec3 v) {
   const Vec3d world = Vec3d(e.shading.s) * static_cast<double>(v.x) +
@@ -43,9 +36,9 @@ bool same_side(const EditedClosure& e, Vec3 a, Vec3 b) {
   return a.z * b.z > 0 && dot(a, e.ng) * dot(b, e.ng) > 0;
 }
 
-// All directions that light along v may have been meant for, by the edits in `bits`: the last is undone
-// first.
-void undo(const EditedClosure& e, std::uint16_t bits, Vec3 v, Branches& out) {
+}  // namespace
+
+void edited::undo(const EditedClosure& e, std::uint16_t bits, Vec3 v, Branches& out) {
   out.count = 0;
   out.add({v});
   if (bits == 0) return;
@@ -75,8 +68,7 @@ void undo(const EditedClosure& e, std::uint16_t bits, Vec3 v, Branches& out) {
   }
 }
 
-// Turns w, where light would go, to where the edits send it. False: it is lost.
-bool apply(const EditedClosure& e, std::uint16_t bits, Vec3& w) {
+bool edited::apply(const EditedClosure& e, std::uint16_t bits, Vec3& w) {
   if (bits == 0) return true;
   const Vec3d x = place_of(e);
   for (std::size_t k = 0; k < e.edits->edits.size(); ++k) {
@@ -91,6 +83,8 @@ bool apply(const EditedClosure& e, std::uint16_t bits, Vec3& w) {
   }
   return true;
 }
+
+namespace {
 
 // Edits against the walk turn wo, those with it wi.
 std::uint16_t against(TransportMode mode, const Treatment& t) {
@@ -107,17 +101,21 @@ double quotient(float a, float b) {
 double geometric(const EditedClosure& e, Vec3 w, Vec3 v) {
   return quotient(dot(w, e.ng), dot(v, e.ng));
 }
-// The factor of a branch of wo. Of light it is Gamma; of the eye what Gamma leaves after the correction for
-// shading normals.
-double factor_against(const EditedClosure& e, TransportMode mode, Vec3 wo, const Branch& b) {
+}  // namespace
+
+double edited::factor_against(const EditedClosure& e, TransportMode mode, Vec3 wo, const Branch& b) {
   if (!b.moved) return 1;
   return b.jacobian * (mode == TransportMode::radiance ? geometric(e, b.w, wo) : quotient(b.w.z, wo.z));
 }
-// The factor of a branch of wi, without its Jacobian.
-double factor_with(const EditedClosure& e, TransportMode mode, Vec3 wi, const Branch& b) {
+double edited::gamma(const EditedClosure& e, Vec3 v, const Branch& b) {
+  return b.moved ? geometric(e, b.w, v) * b.jacobian : 1;
+}
+double edited::factor_with(const EditedClosure& e, TransportMode mode, Vec3 wi, const Branch& b) {
   if (!b.moved || mode == TransportMode::radiance) return 1;
   return geometric(e, b.w, wi) * quotient(wi.z, b.w.z);
 }
+
+namespace {
 
 // The lobes that are not delta, on one side: one part, or two of different edits.
 struct Parts {
@@ -271,8 +269,7 @@ bool finish_delta(const EditedClosure& e, TransportMode mode, Vec3 wo, const Alt
   const Branch* taken = &to.at[0];                 // the one that was meant
   for (std::uint32_t c = 1; c < to.count; ++c)
     if (dot(to.at[c].w, meant) > dot(taken->w, meant)) taken = &to.at[c];
-  const double gamma_from = from.branch.moved ? geometric(e, from.branch.w, wo) * from.branch.jacobian : 1,
-               gamma_to = taken->moved ? geometric(e, taken->w, out.wi) * taken->jacobian : 1;
+  const double gamma_from = edited::gamma(e, wo, from.branch), gamma_to = edited::gamma(e, out.wi, *taken);
   const double factor =
       factor_against(e, mode, wo, from.branch) * factor_with(e, mode, out.wi, *taken) * from.of;
   out.weight *= from.branch.factor * taken->factor * static_cast<float>(factor);

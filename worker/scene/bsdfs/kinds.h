@@ -20,6 +20,7 @@
 #include "worker/scene/bsdfs/hk.h"
 #include "worker/scene/bsdfs/mask.h"
 #include "worker/scene/bsdfs/null.h"
+#include "worker/scene/bsdfs/path_edited.h"
 #include "worker/scene/bsdfs/perturbed.h"
 #include "worker/scene/bsdfs/phong.h"
 #include "worker/scene/bsdfs/plastic.h"
@@ -43,7 +44,7 @@ using BsdfSurface =
                  PlasticSurface, RoughPlasticSurface, TwoSidedSurface, BlendSurface, MaskSurface,
                  PerturbedSurface, RoughDiffuseSurface, DiffuseTransmitterSurface, LayerSurface,
                  CoatingSurface, RoughCoatingSurface, StrictNormalsSurface, PrincipledThinSurface,
-                 EditedSurface>;
+                 EditedSurface, PathEditedSurface>;
 
 inline constexpr std::size_t kBsdfKinds = std::variant_size_v<BsdfSurface>;
 

@@ -1,0 +1,195 @@
+// Walks whose edits select by more of the path than the vertex (path_edited.h).
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <tuple>
+
+#include "common/rng/stream.h"
+#include "edits_fixture.h"
+#include "worker/scene/bsdfs/path_edited.h"
+
+namespace candela::scene {
+namespace {
+
+// Three objects: a lamp, the panel, and the floor, which is not edited. Edits of light act at the panel if
+// the light came by the floor, those of the eye if the eye sees the panel by the floor.
+struct Walks {
+  std::unique_ptr<Edited> e;
+  SceneObjects objects;
+  std::unique_ptr<PathEdits> all;
+
+  Walks(const std::string& bsdf, const std::string& light, const std::string& eye, bool bumpy) {
+    std::string list = light;
+    list.replace(list.find("LX*X"), 4, "LX{floor}X{panel}");
+    std::string gather = eye;
+    gather.replace(gather.find("XX*E"), 4, "X{panel}X{floor}E");
+    e = make({"", bsdf, list + "," + gather, bumpy});
+    objects.names = {{"lamp"}, {"panel"}, {"floor"}};
+    objects.uses = {letters::kLampObject, letters::kSurfaceObject, letters::kSurfaceObject};
+    objects.of_shape = {1, 2};
+    objects.of_emitter = {0};
+    const auto states = [&](edits::Edit::Direction direction) {
+      return *edits::PathStates::compile(e->list, direction, objects.names, objects.uses);
+    };
+    all = std::make_unique<PathEdits>(PathEdits{states(edits::Edit::Direction::light),
+                                                states(edits::Edit::Direction::eye),
+                                                &e->scene,
+                                                &objects,
+                                                {true, true}});
+  }
+};
+
+// A walk up to the panel.
+struct AtPanel {
+  EditedWalk walk;
+  ClosureArena arena, floor_arena;
+  Closure closure;
+  float floor_throughput = 1;
+
+  AtPanel(const Walks& w, bool from_light, bool by_floor, Vec3 wo) : walk(*w.all, true) {
+    if (from_light)
+      walk.begin_at_lamp(0);
+    else
+      walk.begin_at_eye();
+    Closure plain;
+    if (by_floor) {
+      const auto floor = make({"", kDiffuse, kTurn});
+      SurfaceHit hit = floor->hit;
+      hit.shape = 1;
+      floor->bsdfs[0].prepare(hit, {0, 0, 1}, floor_arena, plain);
+      const Closure on_floor = walk.surface(hit, plain);
+      BsdfSample s;
+      EXPECT_TRUE(on_floor.sample({0, 0, 1}, 0.5f, {0.3f, 0.4f}, from_light ? kImportance : kRadiance, s));
+    }
+    SurfaceHit hit = w.e->hit;
+    hit.shape = 0;
+    w.e->bsdfs[0].prepare(hit, wo, arena, plain);
+    closure = walk.surface(hit, plain);
+  }
+};
+
+// The end that a walk at the panel is connected to: a walk at the floor, or none.
+void meet(AtPanel& at, const Walks& w, bool from_light, bool by_floor) {
+  if (!by_floor) {
+    if (from_light)
+      at.walk.towards_eye();
+    else
+      at.walk.towards_lamp(0);
+    return;
+  }
+  EditedWalk end(*w.all, true);
+  if (from_light)
+    end.begin_at_eye();
+  else
+    end.begin_at_lamp(0);
+  const auto floor = make({"", kDiffuse, kTurn});
+  SurfaceHit hit = floor->hit;
+  hit.shape = 1;
+  ClosureArena arena;
+  Closure plain;
+  floor->bsdfs[0].prepare(hit, {0, 0, 1}, arena, plain);
+  static_cast<void>(end.surface(hit, plain));
+  at.walk.towards(end, floor->hit.shading.to_world({0, 0, 1}),
+                  -floor->hit.shading.to_world(normalize(Vec3{0.3f, 0, 1})));
+}
+
+// Claim: an edit acts if both ends say so, whichever walk knows which end; walks from both ends see one
+// value, that of the closure with the edits that act, and tell one density of each walk, whatever acts: so
+// weights are one function of the path, and sum to one.
+TEST(EditedWalks, AreOneBsdfFromBothEnds) {
+  for (const auto& [bsdf, light, eye, bumpy] :
+       {std::tuple{kRough, kHighlight, kGather, false}, std::tuple{kDiffuse, kMove, kGather, true},
+        std::tuple{kPlastic, kTurn, kGather, false}, std::tuple{kGlass, kTurn, kGather, false}}) {
+    const Walks w(bsdf, light, eye, bumpy);
+    rng::Stream stream(rng::key(81));
+    int compared = 0, told = 0;
+    for (int i = 0; i < 800; ++i) {
+      const Vec3 o = test::uniform_direction(stream), l = test::uniform_direction(stream);
+      float densities[2] = {-1, -1};
+      for (const bool lit : {false, true})
+        for (const bool seen : {false, true}) {
+          AtPanel from_eye(w, false, seen, o), from_light(w, true, lit, l);
+          meet(from_eye, w, false, lit);
+          meet(from_light, w, true, seen);
+          SurfaceEdits::Treatments treatments;
+          for (auto& lobe : treatments)
+            for (auto& t : lobe)
+              t = {static_cast<std::uint16_t>(lit ? 1 : 0), static_cast<std::uint16_t>(seen ? 2 : 0)};
+          const At eye_at(*w.e, o), light_at(*w.e, l);
+          const Frame frame = w.e->hit.shading;
+          const EditedClosure expected{
+              &eye_at.plain, &w.e->scene,
+              &treatments,   frame,
+              w.e->hit.p,    w.e->hit.ng == frame.n ? Vec3{0, 0, 1} : frame.to_local(w.e->hit.ng)};
+          float pdf = 0, unused = 0;
+          const Spectrum by_eye = from_eye.closure.eval_pdf(o, l, kRadiance, pdf);
+          const Spectrum wanted = eval_pdf(expected, o, l, kRadiance, unused);
+          EXPECT_NEAR(by_eye.g, wanted.g, 1e-5f + 1e-4f * wanted.g) << lit << seen;
+          const Spectrum by_light =
+              from_light.closure.eval_pdf(l, o, kImportance, unused) * light_at.correction(l, o);
+          const double a = static_cast<double>(by_eye.g) * eye_at.geometric(o),
+                       b = static_cast<double>(by_light.g) * eye_at.geometric(l);
+          EXPECT_NEAR(a, b, 2e-3 * (a + b) + 1e-5) << lit << seen;
+          compared += a > 0;
+          // Of the eye's walk and of the light's, as each of the two tells it.
+          EXPECT_EQ(pdf, from_light.closure.pdf_solid_angle(o, l, kRadiance));
+          EXPECT_EQ(unused, from_eye.closure.pdf_solid_angle(l, o, kImportance));
+          if (densities[0] >= 0) {
+            EXPECT_EQ(pdf, densities[0]);
+            EXPECT_EQ(unused, densities[1]);
+            ++told;
+          }
+          densities[0] = pdf;
+          densities[1] = unused;
+          EXPECT_TRUE(by_eye.g == 0 || pdf > 0);
+          EXPECT_TRUE(by_light.g == 0 || unused > 0);
+        }
+    }
+    EXPECT_GT(compared, 300) << bsdf;
+    EXPECT_GT(told, 2000) << bsdf;
+  }
+}
+
+// Claim: sums over what a walk draws, by the share of each end that it may come to, are the integrals of the
+// value for that end. Fails by chance with probability below 1e-5 for each of the 96 sums.
+TEST(EditedWalks, DrawForAllEndsAtOnce) {
+  constexpr int kSamples = 12000;
+  for (const auto& [bsdf, light] :
+       {std::pair{kRough, kHighlight}, std::pair{kDiffuse, kMove}, std::pair{kPlastic, kTurn}})
+    for (const bool from_light : {false, true})
+      for (const bool by_floor : {false, true}) {
+        const Walks w(bsdf, light, kGather, false);
+        const TransportMode mode = from_light ? kImportance : kRadiance;
+        const Vec3 wo = directions_from()[0];
+        AtPanel at(w, from_light, by_floor, wo);
+        Sums exact;
+        meet(at, w, from_light, false);
+        over_sphere([&](Vec3 wi, double area) {
+          float pdf = 0;
+          exact.add(wi, static_cast<double>(at.closure.eval_pdf(wo, wi, mode, pdf).r), 0, area);
+        });
+        rng::Stream stream(rng::key(91));
+        std::array<double, kTests> mean{}, squares{};
+        for (int i = 0; i < kSamples; ++i) {
+          const float u_lobe = stream.next_float(), u = stream.next_float(), v = stream.next_float();
+          BsdfSample s;
+          if (!at.closure.sample(wo, u_lobe, {u, v}, mode, s)) continue;
+          const Spectrum share = from_light ? at.walk.share_at_eye() : at.walk.share_at_lamp(0);
+          const auto t = tests_of(s.wi);
+          for (std::size_t k = 0; k < kTests; ++k) {
+            const double x = static_cast<double>(s.weight.r * share.r) * t[k];
+            mean[k] += x / kSamples;
+            squares[k] += x * x / kSamples;
+          }
+        }
+        for (std::size_t k = 0; k < kTests; ++k)
+          EXPECT_NEAR(mean[k], exact.value[k],
+                      4.5 * std::sqrt(std::max(0.0, squares[k] - mean[k] * mean[k]) / kSamples) +
+                          6e-3 * exact.value[0])
+              << bsdf << light << from_light << by_floor << k;
+        EXPECT_GT(exact.value[0], 0.1);
+      }
+}
+
+}  // namespace
+}  // namespace candela::scene
