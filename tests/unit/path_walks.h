@@ -42,7 +42,10 @@ inline std::optional<WalkedPath> light_directly(const Scene& scene, const std::v
   const scene::SurfaceHit& hit = last.vertex.hit;
   scene::DirectSample light;
   const float u_select = stream.next_float(), u = stream.next_float();
-  if (scene.sample_direct(hit, {}, u_select, {u, stream.next_float()}, light) !=
+  Vec3 front;
+  if (!closure.scatters_through())
+    front = dot(last.to_eye, hit.shading.n) < 0 ? -hit.shading.n : hit.shading.n;
+  if (scene.sample_direct(hit, front, u_select, {u, stream.next_float()}, light) !=
       scene::DirectOutcome::sampled)
     return std::nullopt;
   if (scene.occluded(light.shadow_ray)) return std::nullopt;

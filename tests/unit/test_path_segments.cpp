@@ -66,7 +66,7 @@ TEST(Segments, HaveTheContributionOfTheirHalfVectors) {
         ++chains;
       });
     if (c.sensor != kOrthographic) {
-      EXPECT_GT(chains, 100);
+      EXPECT_GT(chains, 60);
     }
   }
 }
@@ -129,7 +129,7 @@ TEST(Segments, WalkAndReturn) {
           EXPECT_EQ(again.chain.vertices[i].n, moved.vertices[i].n);
         }
       });
-    EXPECT_GT(walks, 60);
+    EXPECT_GT(walks, 40);
     EXPECT_GT(converged, walks / 2);
     EXPECT_GE(returned, converged * 97 / 100);
   }

@@ -26,7 +26,7 @@ std::vector<Pair> rest_of(const Chain& chain, std::span<const Pair> targets) {
 }  // namespace
 
 double tolerance(double gamma, double alpha) {
-  return alpha > 0 ? std::max(1e-10, 1e-4 * gamma * alpha) : 1e-9;
+  return alpha > 0 ? std::clamp(1e-4 * gamma * alpha, 1e-10, 1e-8) : 1e-9;
 }
 
 bool projects_from_sensor(const Chain& chain, const BlockTridiagonal& factored) {

@@ -20,7 +20,8 @@ struct WalkRules {
   double return_distance = 1e-6;
 };
 
-// Largest error of a constraint at which a walk ends [half-vector note, section 10]; alpha 0: specular.
+// Largest error of a constraint at which a walk ends; alpha 0: specular. The note's (section 10), but at most
+// 1e-8: a walk that ends at 1e-4 of a wide lobe does not come back to within return_distance.
 double tolerance(double gamma, double alpha);
 
 enum class WalkEnd : std::uint8_t {
