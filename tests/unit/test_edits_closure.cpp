@@ -5,6 +5,7 @@
 
 #include "common/rng/stream.h"
 #include "edits_fixture.h"
+#include "worker/scene/bsdfs/delta_lobes.h"
 
 namespace candela::scene {
 namespace {
@@ -182,6 +183,38 @@ std::vector<DeltaOutcome> outcomes(const Closure& closure, Vec3 wo, TransportMod
     if (!known) found.push_back({s, 1.0 / kTries});
   }
   return found;
+}
+
+// Claim: the list of delta lobes of an edited bsdf has what numbers bring, and nothing else.
+TEST(EditedDeltaLobes, AreAllListed) {
+  const std::string glass = "<bsdf type='dielectric'/>";
+  const std::string mixed = "<bsdf type='blendbsdf'><float name='weight' value='0.4'/>" + glass +
+                            "<bsdf type='roughplastic'/></bsdf>";
+  std::size_t listed = 0;
+  for (const std::string& bsdf : {std::string("<bsdf type='conductor'/>"), glass, mixed})
+    for (const std::string& edits : {kTurn, kHighlight + "," + kSecond, kGather + "," + kMove})
+      for (const TransportMode mode : {kRadiance, kImportance}) {
+        const auto e = make({"", bsdf, edits});
+        rng::Stream stream(rng::key(7));
+        for (int i = 0; i < 12; ++i) {
+          const Vec3 from = test::uniform_direction(stream);
+          const At at(*e, from);
+          const std::vector<DeltaOutcome> found = outcomes(at.edited, from, mode);
+          std::size_t likely = 0;  // of the list; others may be missed by trying
+          for (const DeltaLobe& lobe : delta_lobes(at.edited, from, mode)) {
+            likely += lobe.prob > 0.01f;
+            ++listed;
+          }
+          for (const DeltaOutcome& o : found) {
+            std::size_t same = 0;
+            for (const DeltaLobe& lobe : delta_lobes(at.edited, from, mode))
+              same += dot(lobe.wi, o.s.wi) > 1 - 1e-6f && std::abs(lobe.prob - o.s.prob) < 1e-5f;
+            EXPECT_EQ(same, 1u) << bsdf << edits;
+          }
+          EXPECT_GE(found.size(), likely);
+        }
+      }
+  EXPECT_GT(listed, 100u);
 }
 
 // Claim: at mirrors and glass a walk from the light and the walk back carry the same light, by the change of

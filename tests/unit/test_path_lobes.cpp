@@ -1,5 +1,5 @@
 // Claim: delta_lobes() lists all delta lobes of a closure and nothing else: those that walks take, with their
-// probabilities, fractions and directions, in nested, edited and turned bsdfs too.
+// probabilities, fractions and directions, in nested and turned bsdfs too. (Of edited bsdfs: unit_edits.)
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 

@@ -15,6 +15,9 @@ namespace {
 
 constexpr float kLast = 0x1.fffffep-1f;
 
+// A new kind that has other closures as parts, or more than two delta lobes, needs a case in delta_choices().
+static_assert(kBsdfKinds == 25, "say here how the new kind divides u_lobe among its lobes");
+
 // The lobes of a leaf, which has one at each end of its range at most.
 void choices_of_leaf(const Closure& leaf, Vec3 wo, TransportMode mode, LobeRange range, LobeChoices& out) {
   for (const bool last : {false, true}) {
@@ -43,7 +46,7 @@ void choices_of_coat(const CoatClosure& p, double prob, bool smooth, Vec3 wo, Tr
 }  // namespace
 
 void delta_choices(const Closure& closure, Vec3 wo, TransportMode mode, LobeRange range, LobeChoices& out) {
-  if (closure.black || !closure.has_delta_lobes()) return;
+  if (closure.black || !closure.has_delta_lobes() || closure.is<PathEditedClosure>()) return;
   const Vec3 above = closure.flipped ? Vec3{wo.x, wo.y, -wo.z} : wo;
   if (closure.is<BlendClosure>()) {
     choices_of_blend(closure.get<BlendClosure>(), above, mode, range, out);

@@ -18,7 +18,8 @@ struct DeltaLobe {
 };
 
 // The delta lobes of which Closure::sample(wo, u_lobe, ...) takes one, with probabilities above 2^-24.
-// Precondition: the closure was prepared for wo.
+// Precondition: the scene prepared the closure for wo. None of a closure that belongs to a walk
+// (path_edited.h), which sampling it would move.
 std::vector<DeltaLobe> delta_lobes(const Closure& closure, Vec3 wo, TransportMode mode);
 
 // For kinds of closures: values of u_lobe, one within the range of each delta lobe.

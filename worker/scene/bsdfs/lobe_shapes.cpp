@@ -96,6 +96,9 @@ void shapes(const EditedClosure& p, Vec3 wo, Shapes& out) {
   add(*p.nested, wo, out);
 }
 
+// It belongs to a walk; no scene has it.
+void shapes(const PathEditedClosure& /*p*/, Vec3 /*wo*/, Shapes& /*out*/) {}
+
 // A kind without a function here is diffuse, on both sides if it lets light through.
 template <std::size_t kRow = 0>
 void add_of_kind(const Closure& closure, Vec3 wo, Shapes& out) {
