@@ -20,7 +20,7 @@
 #include "tests/unit/shared_cases.h"
 #include "worker/integrators/regularise.h"
 
-namespace candela::render {
+namespace candela::render::regularised {
 namespace {
 
 using test::angle;
@@ -324,4 +324,4 @@ TEST(ChainRegularization, FallsByEpochs) {
 }
 
 }  // namespace
-}  // namespace candela::render
+}  // namespace candela::render::regularised
