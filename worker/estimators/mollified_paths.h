@@ -122,7 +122,7 @@ class MollifiedPaths {
   }
   template <class SamplerT>
   static scene::TurningLobes draw_lobes(const transport::VertexDraws<SamplerT>& draws,
-                                      const transport::ScatterPoint& v, scene::TransportMode mode) {
+                                        const transport::ScatterPoint& v, scene::TransportMode mode) {
     const float u_lobe = v.closure.chooses_lobe() ? draws.draw_1d(transport::kLobe) : 0.0f;
     return transport::lobes_at(v, u_lobe, draws.draw_2d(transport::kDirection), mode);
   }
