@@ -90,12 +90,12 @@ Result<FetchedImage> fetch_for(FarmClient& farm, const std::string& id, const Im
                                const ImageOutput& output) {
   constexpr int kTries = 3;  // a job that runs may merge samples between two fetches
   ImageRequest whole = request;
-  whole.image_only = output.exr.empty() && !output.denoiser;
+  whole.image_only = output.exr.empty() && !output.denoiser && !output.mix;
   FetchedImage out;
   for (int tries = 0; tries < kTries; ++tries) {
     CANDELA_ASSIGN(out.exr, farm.fetch_image(id, whole));
     if (!output.denoiser || request.half != v1::FetchImageRequest::HALF_UNSPECIFIED) return out;
-    ImageRequest half{.image_only = true, .partial = request.partial, .estimator = request.estimator};
+    ImageRequest half{.image_only = !output.mix, .partial = request.partial, .estimator = request.estimator};
     half.half = v1::FetchImageRequest::HALF_A;
     auto a = farm.fetch_image(id, half);
     half.half = v1::FetchImageRequest::HALF_B;
@@ -110,7 +110,30 @@ Result<FetchedImage> fetch_for(FarmClient& farm, const std::string& id, const Im
   return out;
 }
 
+namespace {
+
+// The image mixed anew, and its halves, too.
+Result<FetchedImage> mixed(const FetchedImage& fetched, const image::Mix& mix) {
+  FetchedImage out;
+  for (const auto& [from, to] :
+       {std::pair(&fetched.exr, &out.exr), std::pair(&fetched.halves.a, &out.halves.a),
+        std::pair(&fetched.halves.b, &out.halves.b)}) {
+    if (from->empty()) continue;
+    CANDELA_ASSIGN(image::MixedExr made, image::mix_exr(*from, mix));
+    *to = std::move(made.bytes);
+  }
+  return out;
+}
+
+}  // namespace
+
 Result<std::string> write_images(const ImageOutput& output, const FetchedImage& fetched) {
+  if (output.mix) {
+    CANDELA_ASSIGN(const FetchedImage made, mixed(fetched, *output.mix));
+    ImageOutput rest = output;
+    rest.mix.reset();
+    return write_images(rest, made);
+  }
   if (!output.denoiser) {
     if (!output.exr.empty()) CANDELA_TRY(write_file_atomically(output.exr, fetched.exr));
     if (output.png.empty()) return std::string();

@@ -12,6 +12,7 @@
 #include "client/farm_client.h"
 #include "common/base/result.h"
 #include "common/image/denoise.h"
+#include "common/image/mix.h"
 
 namespace candela::client {
 
@@ -20,6 +21,8 @@ struct ImageOutput {
   std::string png;  // path; empty: none
   // If given, the EXR has the layer 'denoised', too, and the PNG shows it.
   std::shared_ptr<const image::Denoiser> denoiser = {};
+  // If given, the image is mixed anew of its layers before all else.
+  std::optional<image::Mix> mix = {};
 };
 
 // The text of the option --denoise of render and fetch.
@@ -27,6 +30,12 @@ inline constexpr const char* kDenoiseText =
     "Add the layer 'denoised' to the EXR, by Open Image Denoise (installed apart), both halves of the "
     "samples "
     "and the AOVs albedo and normal; a PNG shows that layer";
+
+// The text of the option --mix of fetch and convert.
+inline constexpr const char* kMixText =
+    "Make the image anew of its light groups, or of the layers of a partition, each with the intensity and "
+    "tint "
+    "that this file tells; the page of a job writes such files";
 
 // The path ends in `extension`, its folder exists and can be written, and no folder or device is in its
 // place. If the path is a symbolic link, its target's folder exists and can be written too.

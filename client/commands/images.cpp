@@ -13,6 +13,7 @@
 #include "common/base/files.h"
 #include "common/image/denoise.h"
 #include "common/image/image.h"
+#include "common/image/mix.h"
 #include "common/image/picture.h"
 
 namespace candela::client {
@@ -20,7 +21,7 @@ namespace {
 
 struct ConvertOptions {
   std::string input, output;
-  std::optional<std::string> exposure, layer, range, quality;
+  std::optional<std::string> exposure, layer, range, quality, mix;
   bool denoise = false;
 };
 
@@ -48,17 +49,20 @@ Result<ConvertChoice> choose(const ConvertOptions& options) {
   ConvertChoice choice;
   choice.format = image::picture_format_of(options.output);
   const std::string ending = ending_of(options.output);
-  if (ending == ".exr" && !options.denoise)
-    return usage_error(fmt::format("{}: an EXR is made with --denoise only", printable(options.output)))
+  if (ending == ".exr" && !options.denoise && !options.mix)
+    return usage_error(
+               fmt::format("{}: an EXR is made with --denoise or --mix only", printable(options.output)))
         .with_field("output")
         .with_mend("name a .png, .jpg or .tif");
   if (!choice.format && ending != ".exr")
     return usage_error(fmt::format("{}: the name does not end in .png, .jpg or .tif{}",
-                                   printable(options.output), options.denoise ? ", or .exr" : ""))
+                                   printable(options.output),
+                                   options.denoise || options.mix ? ", or .exr" : ""))
         .with_field("output");
   CANDELA_TRY(check_output_path(options.output, ending, "output"));
   if (options.exposure && options.range) return exclude("--exposure", "--range");
   if (options.denoise && options.layer) return exclude("--layer", "--denoise");
+  if (options.mix && options.layer) return exclude("--layer", "--mix");
   if (!choice.format && options.exposure) return exclude("--exposure", "an EXR");
   if (!choice.format && options.range) return exclude("--range", "an EXR");
   if (options.quality && choice.format != image::PictureFormat::jpeg)
@@ -82,9 +86,21 @@ Result<ConvertChoice> choose(const ConvertOptions& options) {
   return choice;
 }
 
-Result<image::DenoisedExr> denoised(Context& context, const std::string& path) {
-  CANDELA_ASSIGN(const auto denoiser, image::Denoiser::load());
+Result<image::MixedExr> mixed(Context& context, const std::string& path, const std::string& mix_file) {
+  CANDELA_ASSIGN(const image::Mix mix, image::read_mix(mix_file));
   CANDELA_ASSIGN(const std::string exr, read_file(path, kMostFileBytes));
+  auto result = image::mix_exr(exr, mix);
+  if (!result.ok()) return std::move(result).error().at(path, 0);
+  for (const std::string& layer : result->left_out)
+    context.err << fmt::format(
+        "candela: note: the layer '{}' is that of the image before the mix, and is left out\n",
+        printable(layer));
+  return result;
+}
+
+// `exr`: bytes of the file `path`.
+Result<image::DenoisedExr> denoised(Context& context, const std::string& path, const std::string& exr) {
+  CANDELA_ASSIGN(const auto denoiser, image::Denoiser::load());
   auto result = image::denoise_exr(exr, *denoiser);
   if (!result.ok()) return std::move(result).error().at(path, 0);
   if (result->guides.empty())
@@ -96,13 +112,26 @@ Result<image::DenoisedExr> denoised(Context& context, const std::string& path) {
 Result<int> run_convert(Context& context, const ConvertOptions& options) {
   CANDELA_ASSIGN(ConvertChoice choice, choose(options));
   image::Image image;
+  std::string exr;
+  if (options.mix) {
+    CANDELA_ASSIGN(image::MixedExr result, mixed(context, options.input, *options.mix));
+    exr = std::move(result.bytes);
+    if (!choice.format && !options.denoise) {
+      CANDELA_TRY(write_file_atomically(options.output, exr));
+      return 0;
+    }
+  } else if (options.denoise) {
+    CANDELA_ASSIGN(exr, read_file(options.input, kMostFileBytes));
+  }
   if (options.denoise) {
-    CANDELA_ASSIGN(image::DenoisedExr result, denoised(context, options.input));
+    CANDELA_ASSIGN(image::DenoisedExr result, denoised(context, options.input, exr));
     if (!choice.format) {
       CANDELA_TRY(write_file_atomically(options.output, result.bytes));
       return 0;
     }
     image = image::Image{result.width, result.height, std::move(result.rgb), {}};
+  } else if (options.mix) {
+    CANDELA_ASSIGN(image, image::decode_exr(exr));
   } else {
     CANDELA_ASSIGN(image, options.layer ? image::read_layer(options.input, *options.layer)
                                         : image::read_image(options.input));
@@ -127,10 +156,12 @@ void add_convert(CLI::App& app, Context& context) {
       "convert", "Convert an image to a PNG or JPEG of 8 bits, or a TIFF of 16 bits, with sRGB's curve");
   sub->add_option("input", options->input, "The image")->required()->type_name("IN");
   sub->add_option("output", options->output,
-                  "The .png, .jpg or .tif to write; with --denoise also an .exr, with the layer 'denoised'")
+                  "The .png, .jpg or .tif to write; with --denoise (which adds the layer 'denoised') and "
+                  "--mix also an .exr")
       ->required()
       ->type_name("OUT");
   add_text(*sub, "--layer", options->layer, "Show this layer of the EXR in place of the image", "NAME");
+  add_text(*sub, "--mix", options->mix, kMixText, "FILE.json");
   add_text(*sub, "--exposure", options->exposure, "Multiply by 2^E first (default 0)", "E");
   add_text(*sub, "--range", options->range,
            "Show values from LOW (black) to HIGH (white) in proportion, without sRGB's curve, such as 0,20 "

@@ -17,7 +17,7 @@ namespace {
 struct WatchOptions {
   FarmOptions farm;
   std::vector<std::string> ids;
-  std::optional<std::string> output, png, estimator, half, on_end;
+  std::optional<std::string> output, png, estimator, half, on_end, mix;
   PreviewOptions preview;
   bool quiet = false, json = false, error_layer = false, chain_layers = false, partial = false,
        layers = false, variance_layer = false, denoise = false;
@@ -49,6 +49,16 @@ Result<int> run_fetch(Context& context, const WatchOptions& options) {
     CANDELA_TRY(check_output(output));
   }
   if (options.denoise) CANDELA_TRY(image::Denoiser::load());
+  std::optional<image::Mix> mix;
+  if (options.mix) {
+    for (const auto& [given, option] : {std::pair<bool, const char*>{options.error_layer, "--error-layer"},
+                                        {options.variance_layer, "--variance-layer"}})
+      if (given)
+        return usage_error("the error is estimated of the image before the mix, and is not that of the mix")
+            .with_field(option)
+            .with_mend(fmt::format("leave out {} or --mix", option));
+    CANDELA_ASSIGN(mix, image::read_mix(*options.mix));
+  }
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
   CANDELA_ASSIGN(const std::vector<v1::JobName> jobs, jobs_of_words(*farm, options.ids));
   return fetch_jobs(context, *farm, jobs,
@@ -57,7 +67,8 @@ Result<int> run_fetch(Context& context, const WatchOptions& options) {
                      {options.error_layer, false, options.chain_layers, options.partial, options.layers,
                       options.estimator.value_or(""), half, options.variance_layer},
                      false,
-                     options.denoise});
+                     options.denoise,
+                     std::move(mix)});
 }
 
 }  // namespace
@@ -102,6 +113,7 @@ void add_fetch(CLI::App& app, Context& context) {
            "Write the image of one half of the samples, for denoisers that filter each half by the other",
            "A|B");
   sub->add_flag("--denoise", options->denoise, kDenoiseText);
+  add_text(*sub, "--mix", options->mix, kMixText, "FILE.json");
   sub->add_flag("--partial", options->partial,
                 "Get what is left of a job that has ended and has lost samples (see verify)");
   add_farm_options(*sub, options->farm);

@@ -133,6 +133,7 @@ Result<int> fetch_jobs(Context& context, FarmClient& farm, const std::vector<v1:
                                       {plan.request.state_layers, "--layers"},
                                       {plan.request.chain_layers, "--chain-layers"}}));
     images.denoiser = denoiser;
+    images.mix = plan.mix;
     CANDELA_TRY(check_output(images));
     for (const std::string& name : {images.exr, images.png})
       if (!name.empty() && !names.insert(name).second)

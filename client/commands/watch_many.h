@@ -19,6 +19,7 @@ struct FetchPlan {
   std::optional<std::string> output, png;
   ImageRequest request;
   bool quiet = false, denoise = false;
+  std::optional<image::Mix> mix = {};
 };
 Result<int> fetch_jobs(Context& context, FarmClient& farm, const std::vector<v1::JobName>& jobs,
                        const FetchPlan& plan);

@@ -14,15 +14,18 @@
 #include "client/embedded/render.h"
 #include "client/submission.h"
 #include "client/values.h"
+#include "common/base/files.h"
 #include "common/base/shell_words.h"
 #include "common/base/version.h"
 #include "common/image/bits.h"
+#include "common/image/mix.h"
 #include "common/job/render_command.h"
 
 namespace candela::client {
 namespace {
 
 constexpr std::string_view kOutput = "reproduced.exr";
+constexpr std::uint64_t kMostImageBytes = std::uint64_t{1} << 36;
 
 struct ReproduceOptions {
   std::string image;
@@ -35,6 +38,7 @@ struct ReproduceOptions {
 struct Origin {
   std::map<std::string, std::string> texts;
   RenderCommand command;
+  std::optional<image::Mix> mix;  // of the layers of the image that the command makes
 
   std::string text(const std::string& name) const {
     const auto found = texts.find("candela:" + name);
@@ -63,6 +67,11 @@ Result<Origin> read_origin(const ReproduceOptions& options) {
   if (!command) return no("candela:reproduce cannot be used: " + command.error().to_string());
   origin.command = std::move(command).value();
   if (options.scene) origin.command.scene = *options.scene;
+  if (const std::string text = origin.text("mix"); !text.empty()) {
+    auto mix = image::parse_mix(text);
+    if (!mix) return no("candela:mix cannot be used: " + mix.error().to_string());
+    origin.mix = std::move(mix).value();
+  }
   return origin;
 }
 
@@ -131,9 +140,12 @@ void warn_of_build(std::ostream& err, const Origin& origin) {
 }
 
 Result<int> print_command(Context& context, const ReproduceOptions& options, const Origin& origin) {
-  context.out << printable(
-                     shell_line(words_of(origin.command, options.output.value_or(std::string(kOutput)))))
-              << '\n';
+  const std::string output = options.output.value_or(std::string(kOutput));
+  context.out << printable(shell_line(words_of(origin.command, output))) << '\n';
+  if (origin.mix)
+    context.out << fmt::format(
+        "echo {} > mix.json\n{}\n", printable(shell_quote(text_of(*origin.mix))),
+        printable(shell_line({"candela", "convert", output, output, "--mix", "mix.json"})));
   warn_of_build(context.err, origin);
   const auto warn = [&](const Error& error) {
     context.err << "candela: warning: " << printable(error.to_string()) << '\n';
@@ -249,6 +261,11 @@ Result<int> run_reproduce(Context& context, const ReproduceOptions& options) {
   CANDELA_ASSIGN(const int code, options.farm.master ? render_on_farm(context, options, origin, output)
                                                      : render_here(context, options, origin, output));
   if (code != 0) return code;
+  if (origin.mix) {
+    CANDELA_ASSIGN(const std::string exr, read_file(output, kMostImageBytes));
+    CANDELA_ASSIGN(const image::MixedExr mixed, image::mix_exr(exr, *origin.mix));
+    CANDELA_TRY(write_file_atomically(output, mixed.bytes));
+  }
   CANDELA_ASSIGN(const image::BitComparison bits, image::compare_bits(options.image, output));
   if (!bits.missing.empty())
     context.err << fmt::format("candela: note: not compared, since they tell of the run: {}\n",

@@ -9,6 +9,7 @@
 #include "client/values.h"
 #include "common/base/files.h"
 #include "common/base/thread_cpu.h"
+#include "common/image/exr_channels.h"
 #include "common/image/image.h"
 
 namespace candela::client {
@@ -78,7 +79,8 @@ void Preview::run() {
 }
 
 Result<void> Preview::show_now(bool with_png) {
-  auto exr = farm_.fetch_image(job_id_, {.image_only = true});
+  // The viewer shows layers, too.
+  auto exr = farm_.fetch_image(job_id_, {.image_only = !plan_.tev});
   // Before the first unit is merged there is no picture.
   if (!exr && exr.error().kind == ErrorKind::refused) return {};
   if (!exr) return std::move(exr).error();
@@ -87,7 +89,10 @@ Result<void> Preview::show_now(bool with_png) {
     CANDELA_ASSIGN(const std::string png, image::encode_png(picture));
     CANDELA_TRY(write_file_atomically(plan_.png, png));
   }
-  if (plan_.tev) CANDELA_TRY(plan_.tev->show(picture.width, picture.height, picture.rgb));
+  if (plan_.tev) {
+    CANDELA_ASSIGN(const image::ExrChannels all, image::read_channels(*exr, "for tev"));
+    CANDELA_TRY(plan_.tev->show({picture.width, picture.height, all.spec.channels, all.values}));
+  }
   return {};
 }
 

@@ -22,7 +22,6 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kBandBytes = 1 << 20;
 constexpr char kCreateImage = 4, kUpdateImage = 6;  // of the protocol's versions 1 and 3
-constexpr std::int32_t kChannels = 3;
 
 static_assert(std::endian::native == std::endian::little);
 
@@ -46,8 +45,9 @@ std::string begin_packet(char type, std::string_view name) {
   return packet;
 }
 
-void put_channel_names(std::string& packet) {
-  for (const char* channel : {"R", "G", "B"}) put_text(packet, channel);
+void put_channels(std::string& packet, std::span<const std::string> channels) {
+  put(packet, static_cast<std::int32_t>(channels.size()));
+  for (const std::string& channel : channels) put_text(packet, channel);
 }
 
 std::string end_packet(std::string packet) {
@@ -58,24 +58,25 @@ std::string end_packet(std::string packet) {
 
 }  // namespace
 
-std::string tev_create_packet(std::string_view name, std::uint32_t width, std::uint32_t height) {
+std::string tev_create_packet(std::string_view name, const TevImage& image) {
   std::string packet = begin_packet(kCreateImage, name);
-  put(packet, static_cast<std::int32_t>(width));
-  put(packet, static_cast<std::int32_t>(height));
-  put(packet, kChannels);
-  put_channel_names(packet);
+  put(packet, static_cast<std::int32_t>(image.width));
+  put(packet, static_cast<std::int32_t>(image.height));
+  put_channels(packet, image.channels);
   return end_packet(std::move(packet));
 }
 
-std::string tev_update_packet(std::string_view name, std::uint32_t y, std::uint32_t width,
-                              std::uint32_t height, std::span<const float> rgb) {
+std::string tev_update_packet(std::string_view name, const TevImage& image, std::uint32_t y,
+                              std::uint32_t rows) {
   std::string packet = begin_packet(kUpdateImage, name);
-  put(packet, kChannels);
-  put_channel_names(packet);
-  for (const std::uint32_t value : {0U, y, width, height}) put(packet, static_cast<std::int32_t>(value));
-  for (std::int64_t offset = 0; offset < kChannels; ++offset) put(packet, offset);
-  for (int channel = 0; channel < kChannels; ++channel) put(packet, std::int64_t{kChannels});  // strides
-  packet.append(reinterpret_cast<const char*>(rgb.data()), rgb.size_bytes());
+  put_channels(packet, image.channels);
+  for (const std::uint32_t value : {0U, y, image.width, rows}) put(packet, static_cast<std::int32_t>(value));
+  const auto count = static_cast<std::int64_t>(image.channels.size());
+  for (std::int64_t offset = 0; offset < count; ++offset) put(packet, offset);
+  for (std::int64_t channel = 0; channel < count; ++channel) put(packet, count);  // strides
+  const std::size_t row = std::size_t{image.width} * image.channels.size();
+  const std::span<const float> sent = image.values.subspan(y * row, rows * row);
+  packet.append(reinterpret_cast<const char*>(sent.data()), sent.size_bytes());
   return end_packet(std::move(packet));
 }
 
@@ -86,7 +87,8 @@ TevViewer::TevViewer(TevViewer&& other) noexcept
       port_(other.port_),
       name_(std::move(other.name_)),
       wait_ms_(other.wait_ms_),
-      socket_(std::exchange(other.socket_, -1)) {}
+      socket_(std::exchange(other.socket_, -1)),
+      channels_(std::move(other.channels_)) {}
 TevViewer::~TevViewer() {
   close();
 }
@@ -160,20 +162,20 @@ Result<void> TevViewer::send(std::string_view bytes) {
   return {};
 }
 
-Result<void> TevViewer::show(std::uint32_t width, std::uint32_t height, std::span<const float> rgb) {
+Result<void> TevViewer::show(const TevImage& image) {
+  if (!std::equal(image.channels.begin(), image.channels.end(), channels_.begin(), channels_.end())) close();
   deadline_ = Clock::now() + std::chrono::milliseconds(4 * wait_ms_);
   const auto attempt = [&]() -> Result<void> {
     if (socket_ < 0) {
       CANDELA_TRY(connect());
-      CANDELA_TRY(send(tev_create_packet(name_, width, height)));
+      CANDELA_TRY(send(tev_create_packet(name_, image)));
+      channels_.assign(image.channels.begin(), image.channels.end());
     }
-    const std::size_t row = std::size_t{width} * kChannels;
+    const std::size_t row = std::size_t{image.width} * image.channels.size();
     const auto band =
         static_cast<std::uint32_t>(std::max<std::size_t>(1, kBandBytes / (row * sizeof(float))));
-    for (std::uint32_t y = 0; y < height; y += band) {
-      const std::uint32_t rows = std::min(band, height - y);
-      CANDELA_TRY(send(tev_update_packet(name_, y, width, rows, rgb.subspan(y * row, rows * row))));
-    }
+    for (std::uint32_t y = 0; y < image.height; y += band)
+      CANDELA_TRY(send(tev_update_packet(name_, image, y, std::min(band, image.height - y))));
     return {};
   };
   auto shown = attempt();

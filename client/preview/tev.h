@@ -8,16 +8,25 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/result.h"
 
 namespace candela::client {
 
-// A new image with the channels R, G and B.
-std::string tev_create_packet(std::string_view name, std::uint32_t width, std::uint32_t height);
-// Rows [y, y + height) of the image; `rgb` has width * height * 3 values.
-std::string tev_update_packet(std::string_view name, std::uint32_t y, std::uint32_t width,
-                              std::uint32_t height, std::span<const float> rgb);
+// An image as the viewer gets it. `channels`: their names, such as R and light.key.R; tev shows those with
+// one name before the last dot as a layer. `values`: of all channels, interleaved, row by row from the top.
+struct TevImage {
+  std::uint32_t width = 0, height = 0;
+  std::span<const std::string> channels;
+  std::span<const float> values;
+};
+
+// A new image of this size with these channels.
+std::string tev_create_packet(std::string_view name, const TevImage& image);
+// Rows [y, y + rows) of the image.
+std::string tev_update_packet(std::string_view name, const TevImage& image, std::uint32_t y,
+                              std::uint32_t rows);
 
 // A viewer that is called when there is something to show. One that is away, or that takes nothing for some
 // seconds, costs that time and an error; the next picture is a new attempt.
@@ -32,7 +41,7 @@ class TevViewer {
   ~TevViewer();
 
   // Errors: ErrorKind::unreachable.
-  Result<void> show(std::uint32_t width, std::uint32_t height, std::span<const float> rgb);
+  Result<void> show(const TevImage& image);
 
  private:
   TevViewer(std::string host, int port, std::string name, int wait_ms);
@@ -47,6 +56,7 @@ class TevViewer {
   std::string name_;
   int wait_ms_;
   int socket_ = -1;
+  std::vector<std::string> channels_;                 // of the image that the viewer has
   std::chrono::steady_clock::time_point deadline_{};  // of the picture that is being sent
 };
 

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "common/base/nearest_name.h"
+#include "common/base/strict_json.h"
 #include "common/base/text.h"
 #include "common/job/layer_name.h"
 #include "common/letters/expression.h"
@@ -328,32 +329,7 @@ Result<EditList> parse_edits(std::string_view text) {
     return input_error(
         fmt::format("the edits have {} bytes of text, more than {}", text.size(), kMaxEditsBytes));
   if (!is_utf8(text)) return input_error("the edits are no UTF-8");
-  // The parser keeps the last of two equal keys, and nests without a bound.
-  std::vector<std::set<std::string>> keys;
-  std::string twice;
-  bool deep = false;
-  const auto watch = [&](int depth, Json::parse_event_t event, Json& parsed) {
-    deep |= depth > kMaxNesting;
-    if (event == Json::parse_event_t::object_start) keys.emplace_back();
-    if (event == Json::parse_event_t::object_end && !keys.empty()) keys.pop_back();
-    if (event == Json::parse_event_t::key && !keys.empty() &&
-        !keys.back().insert(parsed.get<std::string>()).second)
-      twice = parsed.get<std::string>();
-    return !deep;
-  };
-  Json json;
-  try {
-    json = Json::parse(text.begin(), text.end(), watch);
-  } catch (const Json::parse_error& error) {
-    const std::size_t end = std::min(error.byte, text.size());
-    const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end), '\n');
-    return input_error(fmt::format("it is no JSON at line {}", line))
-        .with_mend("look for a comma or a quote");
-  } catch (const Json::exception& error) {
-    return input_error("it cannot be read as JSON: a number is too large");
-  }
-  if (deep) return input_error(fmt::format("it nests deeper than {} levels", kMaxNesting));
-  if (!twice.empty()) return input_error(fmt::format("the key {} is given twice", quote(twice)));
+  CANDELA_ASSIGN(const Json json, parse_strict_json(text, kMaxNesting));
   CANDELA_ASSIGN(EditList list, read_list(json));
   if (text_of(list).size() > kMaxEditsBytes)
     return input_error(fmt::format("the edits have more than {} bytes of text", kMaxEditsBytes));

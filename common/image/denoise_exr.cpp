@@ -13,58 +13,13 @@
 #include <utility>
 
 #include "common/image/denoise.h"
+#include "common/image/exr_channels.h"
 #include "common/image/formats.h"
 #include "common/image/image.h"
 #include "common/job/aov.h"
 
 namespace candela::image {
 namespace {
-
-// All channels of an EXR of one part, interleaved.
-struct Channels {
-  ImageSpec spec;
-  std::vector<float> values;
-};
-
-Error not_ours(const char* what) {
-  return input_error(std::string("an EXR ") + what + " cannot be written again with a layer more")
-      .with_mend("write a .png, .jpg or .tif");
-}
-
-Result<Channels> read_channels(std::string_view exr) {
-  CANDELA_ASSIGN(const auto reader, open_bytes(exr, "openexr", "memory.exr", false));
-  Channels out;
-  out.spec = reader->spec();
-  const ImageSpec& spec = out.spec;
-  if (reader->seek_part(1)) return not_ours("of several parts");
-  if (spec.deep || spec.depth > 1) return input_error("the image is not a flat picture");
-  if (spec.x != 0 || spec.y != 0 || spec.display_x != 0 || spec.display_y != 0 ||
-      spec.display_width != spec.width || spec.display_height != spec.height)
-    return not_ours("with a data window of its own");
-  if (spec.chromaticities) return not_ours("with primaries of its own");
-  const std::size_t pixels = std::size_t(spec.width) * std::size_t(spec.height);
-  out.values.resize(pixels * spec.channels.size());
-  if (!reader->read_part(0, 0, static_cast<int>(spec.channels.size()), SampleType::float32,
-                         out.values.data()))
-    return input_error("cannot read the pixels: " + one_line(reader->error()));
-  return out;
-}
-
-// The values of the channels LAYER.abc; empty if one is not there.
-std::vector<float> layer_values(const Channels& all, const std::string& layer, std::string_view letters) {
-  std::vector<std::size_t> at;
-  for (const char letter : letters) {
-    const auto& names = all.spec.channels;
-    const auto found = std::find(names.begin(), names.end(), layer + '.' + letter);
-    if (found == names.end()) return {};
-    at.push_back(static_cast<std::size_t>(found - names.begin()));
-  }
-  const std::size_t count = all.spec.channels.size(), pixels = all.values.size() / count;
-  std::vector<float> out(3 * pixels);
-  for (std::size_t i = 0; i < pixels; ++i)
-    for (std::size_t c = 0; c < 3; ++c) out[3 * i + c] = all.values[i * count + at[c]];
-  return out;
-}
 
 // The names of the layers that may have the albedo and the normals, the best first.
 struct GuideNames {
@@ -85,7 +40,7 @@ GuideNames guide_names(const std::map<std::string, std::string>& texts) {
   return names;
 }
 
-std::vector<float> first_layer(const Channels& all, const std::vector<std::string>& names,
+std::vector<float> first_layer(const ExrChannels& all, const std::vector<std::string>& names,
                                std::string_view letters) {
   for (const std::string& name : names)
     if (std::vector<float> values = layer_values(all, name, letters); !values.empty()) return values;
@@ -98,28 +53,15 @@ bool is_of_denoised(std::string_view channel) {
 }
 
 // The EXR of `all` without the layer 'denoised' that it may have, with `rgb` as that layer.
-std::string write_with_layer(const Channels& all, const std::map<std::string, std::string>& texts,
+std::string write_with_layer(const ExrChannels& all, const std::map<std::string, std::string>& texts,
                              const std::vector<float>& rgb) {
-  ImageSpec spec{.width = all.spec.width, .height = all.spec.height, .channels = {}, .texts = {}};
-  std::vector<std::size_t> kept;
-  for (std::size_t c = 0; c < all.spec.channels.size(); ++c) {
-    if (is_of_denoised(all.spec.channels[c])) continue;
-    kept.push_back(c);
-    spec.channels.push_back(all.spec.channels[c]);
-  }
+  std::vector<std::string> more;
   for (const char letter : std::string_view("RGB"))
-    spec.channels.push_back(std::string(kDenoisedLayer) + '.' + letter);
-  spec.texts.assign(texts.begin(), texts.end());
-  const auto width = static_cast<std::size_t>(spec.width);
-  return write_exr(spec, [&](int begin, int end, void* out) {
-    auto* to = static_cast<float*>(out);
-    for (std::size_t i = static_cast<std::size_t>(begin) * width; i < static_cast<std::size_t>(end) * width;
-         ++i) {
-      const float* const from = &all.values[i * all.spec.channels.size()];
-      for (const std::size_t c : kept) *to++ = from[c];
-      to = std::copy_n(&rgb[3 * i], 3, to);
-    }
-  });
+    more.push_back(std::string(kDenoisedLayer) + '.' + letter);
+  return write_channels(all, texts, is_of_denoised, more,
+                        [&](std::size_t pixel, const float* /*values*/, float* added) {
+                          std::copy_n(&rgb[3 * pixel], 3, added);
+                        });
 }
 
 // One half of the image's samples, and the number of its iterations.
@@ -226,7 +168,7 @@ Result<void> denoise_into(DenoisedExr& out, const Denoiser& denoiser, const Deno
 
 Result<DenoisedExr> denoise_channels(std::string_view exr, const Denoiser& denoiser, const HalfExrs& exrs) {
   CANDELA_ASSIGN(const Image image, decode_exr(exr));
-  CANDELA_ASSIGN(const Channels all, read_channels(exr));
+  CANDELA_ASSIGN(const ExrChannels all, read_channels(exr, "with a layer more"));
   std::map<std::string, std::string> texts = image.metadata;
   if (!texts.contains(kDenoiserAttribute) &&
       std::any_of(all.spec.channels.begin(), all.spec.channels.end(), is_of_denoised))

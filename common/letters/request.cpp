@@ -14,6 +14,7 @@
 #include "common/film/layout.h"
 #include "common/job/layer_name.h"
 #include "common/letters/expression.h"
+#include "common/letters/partition.h"
 
 namespace candela::letters {
 namespace {
@@ -159,7 +160,7 @@ Result<void> check_expression(const NamedExpression& layer, std::span<const std:
 
 // A name that fault_of_layer_name() has nothing against, as near to light.NAME as may be.
 std::string layer_name_of(std::string_view lamp) {
-  std::string name = "light.";
+  std::string name(kLightGroupPrefix);
   for (const char c : lamp) {
     const bool plain = (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
                        c == '-' || (c == '.' && name.back() != '.');

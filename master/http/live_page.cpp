@@ -68,15 +68,6 @@ HttpAnswer no_route(const RouteMatch& match) {
   return out;
 }
 
-bool wants_error(const HttpRequest& request) {
-  const auto it = request.query.find("kind");
-  return it != request.query.end() && it->second == "error";
-}
-
-std::string topic_of(const std::string& job_id, bool error) {
-  return (error ? "error/" : "image/") + job_id;
-}
-
 }  // namespace
 
 Result<std::string> read_page_token(const std::string& file) {
@@ -243,6 +234,8 @@ std::optional<HttpAnswer> LivePage::answer_api(const HttpRequest& request, const
       return tile(request, id);
     case HttpAction::pixel:
       return pixel(request, id);
+    case HttpAction::colors:
+      return colors(request, id, connection);
     case HttpAction::name: {
       const auto name = farm_.with_scheduler([&](Scheduler& s) -> std::optional<std::string> {
         const Job* job = s.job(id);
@@ -277,7 +270,9 @@ HttpAnswer LivePage::open_stream(const HttpRequest& request) {
   if (const std::string job = value("job"); !job.empty()) {
     if (!farm_.with_scheduler([&](Scheduler& s) { return s.job(job) != nullptr; }))
       return error_answer(404, "no such job");
-    topic = topic_of(job, wants_error(request));
+    const auto kind = kind_of(request);
+    if (!kind.ok()) return error_of(kind.error());
+    topic = topic_of(job, *kind);
   } else if (const std::string worker = value("worker"); !worker.empty()) {
     if (!farm_.with_scheduler([&](Scheduler& s) { return s.workers().contains(worker); }))
       return error_answer(404, "no such worker");
@@ -298,14 +293,14 @@ HttpAnswer LivePage::tile(const HttpRequest& request, const std::string& job_id)
   const auto level = number_of(request.query, "level"), x = number_of(request.query, "x"),
              y = number_of(request.query, "y");
   if (!level || !x || !y) return error_answer(400, "a tile has level, x and y");
-  std::shared_ptr<Picture> picture;
-  {
-    const Lock lock(mutex_);
-    const auto it = topics_.find(topic_of(job_id, wants_error(request)));
-    if (it != topics_.end()) picture = it->second.picture_made;
-  }
-  if (!picture) return error_answer(404, "there is no picture: open the job's stream first");
-  Picture::Tile tile = picture->tile(*level, *x, *y);
+  const auto form = request.query.find("form");
+  const bool half = form != request.query.end() && form->second == "half";
+  if (!half && form != request.query.end() && form->second != "rgbe")
+    return error_answer(400, "form is rgbe or half");
+  HttpAnswer otherwise;
+  const std::shared_ptr<Picture> picture = shown_picture(request, job_id, otherwise);
+  if (!picture) return otherwise;
+  Picture::Tile tile = picture->tile(*level, *x, *y, half ? TileForm::half : TileForm::rgbe);
   if (!tile.bytes) return error_answer(404, "there is no such tile");
   HttpAnswer out{.type = "application/octet-stream", .shared = tile.bytes, .etag = tile.etag};
   if (request.field("if-none-match") == fmt::format("\"{}\"", tile.etag)) {
@@ -318,15 +313,15 @@ HttpAnswer LivePage::tile(const HttpRequest& request, const std::string& job_id)
 HttpAnswer LivePage::pixel(const HttpRequest& request, const std::string& job_id) {
   const auto x = number_of(request.query, "x"), y = number_of(request.query, "y");
   if (!x || !y) return error_answer(400, "a pixel has x and y");
-  const Lock lock(mutex_);
-  const auto it = topics_.find(topic_of(job_id, wants_error(request)));
-  if (it == topics_.end() || !it->second.picture_made)
-    return error_answer(404, "there is no picture: open the job's stream first");
-  const Picture::Level& level = it->second.picture_made->levels().front();
+  HttpAnswer otherwise;
+  const std::shared_ptr<Picture> picture = shown_picture(request, job_id, otherwise);
+  if (!picture) return otherwise;
+  const Picture::Level& level = picture->levels().front();
+  if (level.rgb.empty()) return error_answer(404, "a mix has no values: its tiles have those of its layers");
   if (*x >= level.width || *y >= level.height) return error_answer(404, "there is no such pixel");
   const float* rgb = &level.rgb[3 * (std::size_t{*y} * level.width + *x)];
   return json_answer(JsonObject()
-                         .count("iterations", it->second.picture_made->iterations())
+                         .count("iterations", picture->iterations())
                          .add("r", double{rgb[0]})
                          .add("g", double{rgb[1]})
                          .add("b", double{rgb[2]})

@@ -119,6 +119,15 @@ class LivePage {
   HttpAnswer open_stream(const HttpRequest& request);
   HttpAnswer tile(const HttpRequest& request, const std::string& job_id);
   HttpAnswer pixel(const HttpRequest& request, const std::string& job_id);
+  // live_page_colors.cpp
+  static Result<PictureKind> kind_of(const HttpRequest& request);
+  static std::string topic_of(const std::string& job_id, const PictureKind& kind);
+  static PictureKind kind_of_topic(const std::string& topic);
+  // The newest picture of the stream that the request's kind names. Null: `otherwise` is the answer.
+  std::shared_ptr<Picture> shown_picture(const HttpRequest& request, const std::string& job_id,
+                                         HttpAnswer& otherwise);
+  std::optional<HttpAnswer> colors(const HttpRequest& request, const std::string& job_id,
+                                   std::uint64_t connection);
   // live_page_images.cpp
   std::optional<HttpAnswer> thumbnail(const HttpRequest& request, const std::string& id,
                                       std::uint64_t connection);
@@ -145,14 +154,14 @@ class LivePage {
   // On the thread of the page.
   void run();
   // The picture of a topic: a kept one if as many indices are merged as then.
-  Result<std::shared_ptr<Picture>> picture_of(const std::string& topic, const std::string& id, bool error,
+  Result<std::shared_ptr<Picture>> picture_of(const std::string& topic, const std::string& id,
                                               std::uint64_t indices);
   void refresh();
   void refresh_farm();
   void refresh_running_jobs();
   void look_at_farm();
   void refresh_worker(const std::string& topic, const std::string& id);
-  void refresh_picture(const std::string& topic, const std::string& id, bool error);
+  void refresh_picture(const std::string& topic, const std::string& id);
   std::string details_of(const std::string& id);
   void send(const std::string& topic, const std::string& kind, std::string data);
   void tell_changed(const std::string& kind, const std::vector<std::string>& rows);

@@ -110,7 +110,7 @@ bool LivePage::make_thumbnail(const std::string& id) {
   if (view.revision.empty()) return false;
   const auto place = picture_memory_.take(Picture::memory_bytes(view.width, view.height));
   if (!place.ok()) return false;  // the page asks again
-  const auto picture = make_picture(farm_, id, false);
+  const auto picture = make_picture(farm_, id, {});
   auto made = picture.ok() ? make_thumbnails(**picture, view.revision) : Result<Thumbnails>(picture.error());
   if (!made.ok()) {
     log::info("no thumbnail: " + made.error().to_string(), {.job = id});
@@ -160,7 +160,7 @@ HttpAnswer LivePage::image_file(const std::string& id, bool png, double exposure
     if (!png) return farm_.images().encode(id, {});
     CANDELA_ASSIGN(const ImageMemory::Place place,
                    picture_memory_.take(Picture::memory_bytes(row->settings.width, row->settings.height)));
-    CANDELA_ASSIGN(const std::shared_ptr<Picture> picture, make_picture(farm_, id, false));
+    CANDELA_ASSIGN(const std::shared_ptr<Picture> picture, make_picture(farm_, id, {}));
     const Picture::Level& level = picture->levels().front();
     return image::encode_png({level.width, level.height, level.rgb, {}}, exposure);
   }();

@@ -14,6 +14,7 @@
 #include "master/farm.h"
 #include "master/http/live_page.h"
 #include "master/http/page_json.h"
+#include "master/jobs/film_layers.h"
 
 namespace candela::master {
 namespace {
@@ -23,6 +24,7 @@ namespace {
 constexpr double kRowsShare = 0.004, kStatusShare = 0.002, kDetailsShare = 0.002, kPictureShare = 0.008;
 constexpr double kLookShare = 0.001;  // of looks at the farm that only its viewers need
 constexpr double kRowsPause = 1, kStatusPause = 1, kDetailsPause = 3, kPicturePause = 2;  // seconds at least
+constexpr double kMixPause = 6;  // its viewers fetch all its layers
 constexpr std::size_t kRowsUnderLock = 50;
 constexpr std::uint32_t kMaxEvents = 200;
 constexpr std::size_t kMaxListed = 500;
@@ -114,12 +116,12 @@ void LivePage::refresh() {
     } else if (name.starts_with("worker/")) {
       run_if_due(&Topic::details, kDetailsPause, kDetailsShare, [&] { refresh_worker(name, id); });
     } else {
-      const bool error = name.starts_with("error/");
+      const double pause = name.starts_with("mix/") ? kMixPause : kPicturePause;
       run_if_due(&Topic::status, kStatusPause, kStatusShare, [&] {
         if (const auto status = farm_.full_status(id))
           send(name, "job", wire::page_json(to_message(*status)));
       });
-      run_if_due(&Topic::picture, kPicturePause, kPictureShare, [&] { refresh_picture(name, id, error); });
+      run_if_due(&Topic::picture, pause, kPictureShare, [&] { refresh_picture(name, id); });
       run_if_due(&Topic::details, kDetailsPause, kDetailsShare,
                  [&] { send(name, "details", details_of(id)); });
     }
@@ -333,15 +335,17 @@ void LivePage::refresh_worker(const std::string& topic, const std::string& id) {
 }
 
 Result<std::shared_ptr<Picture>> LivePage::picture_of(const std::string& topic, const std::string& id,
-                                                      bool error, std::uint64_t indices) {
+                                                      std::uint64_t indices) {
   for (const Kept& kept : kept_)
     if (kept.topic == topic && kept.indices == indices) return kept.picture;
   std::erase_if(kept_, [&](const Kept& kept) { return kept.topic == topic; });
-  const auto [width, height] = farm_.with_scheduler([&](Scheduler& s) {
-    const JobSettings& settings = s.job(id)->row.settings;
-    return std::pair(settings.width, settings.height);
+  const PictureKind kind = kind_of_topic(topic);
+  const std::uint64_t bytes = farm_.with_scheduler([&](Scheduler& s) {
+    const JobRow& row = s.job(id)->row;
+    return kind.kind == PictureKind::Kind::mix
+               ? Picture::mix_memory_bytes(row.settings.width, row.settings.height, partition_of(row).size())
+               : Picture::memory_bytes(row.settings.width, row.settings.height);
   });
-  const std::uint64_t bytes = Picture::memory_bytes(width, height);
   Result<ImageMemory::Place> place = picture_memory_.take(bytes);
   for (auto kept = kept_.end(); !place.ok() && kept != kept_.begin();) {  // the oldest that nobody looks at
     --kept;
@@ -356,13 +360,13 @@ Result<std::shared_ptr<Picture>> LivePage::picture_of(const std::string& topic, 
     ImageMemory::Place place;
     std::shared_ptr<Picture> picture;
   };
-  CANDELA_ASSIGN(std::shared_ptr<Picture> picture, make_picture(farm_, id, error));
+  CANDELA_ASSIGN(std::shared_ptr<Picture> picture, make_picture(farm_, id, kind));
   const auto made = std::make_shared<Made>(Made{std::move(*place), std::move(picture)});
   kept_.push_front({topic, indices, std::shared_ptr<Picture>(made, made->picture.get())});
   return kept_.front().picture;
 }
 
-void LivePage::refresh_picture(const std::string& topic, const std::string& id, bool error) {
+void LivePage::refresh_picture(const std::string& topic, const std::string& id) {
   const std::uint64_t indices = farm_.with_scheduler([&](Scheduler& s) {
     const Job* job = s.job(id);
     return job == nullptr ? 0 : job->row.iterations;
@@ -373,7 +377,7 @@ void LivePage::refresh_picture(const std::string& topic, const std::string& id, 
     if (it == topics_.end() || (it->second.picture_made && it->second.iterations == indices)) return;
   }
   auto made = indices == 0 ? Result<std::shared_ptr<Picture>>(refused_error("nothing is merged yet"))
-                           : picture_of(topic, id, error, indices);
+                           : picture_of(topic, id, indices);
   if (!made.ok()) {
     send(topic, "nopicture", JsonObject().add("message", made.error().to_string()).text());
     return;
@@ -382,8 +386,18 @@ void LivePage::refresh_picture(const std::string& topic, const std::string& id, 
   std::vector<std::string> levels;
   for (const Picture::Level& level : picture.levels())
     levels.push_back(JsonObject().count("width", level.width).count("height", level.height).text());
-  const std::string data =
-      JsonObject().count("iterations", picture.iterations()).json("levels", json_array(levels)).text();
+  std::vector<std::string> layers, partition;
+  for (const Picture::LayerName& layer : picture.facts().layers)
+    layers.push_back(JsonObject().add("name", layer.name).add("letters", layer.letters).text());
+  for (const std::string& name : picture.facts().partition) partition.push_back(json_string(name));
+  const std::string data = JsonObject()
+                               .count("iterations", picture.iterations())
+                               .json("levels", json_array(levels))
+                               .count("first", picture.first())
+                               .add("letters", picture.facts().letters)
+                               .json("layers", json_array(layers))
+                               .json("partition", json_array(partition))
+                               .text();
   {
     const Lock lock(mutex_);
     const auto it = topics_.find(topic);

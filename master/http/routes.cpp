@@ -21,6 +21,7 @@ constexpr auto kRoutes = std::to_array<Route>({
     {"GET", "/api/jobs/{id}/image.png", HttpAction::png},
     {"GET", "/api/jobs/{id}/tile", HttpAction::tile},
     {"GET", "/api/jobs/{id}/pixel", HttpAction::pixel},
+    {"GET", "/api/jobs/{id}/colors", HttpAction::colors},
     {"POST", "/api/jobs/{id}/pause", HttpAction::steer_job},
     {"POST", "/api/jobs/{id}/resume", HttpAction::steer_job},
     {"POST", "/api/jobs/{id}/cancel", HttpAction::steer_job},

@@ -24,6 +24,7 @@ enum class HttpAction : std::uint8_t {
   png,
   tile,
   pixel,
+  colors,
   groups,
   group,
   workers,

@@ -13,6 +13,7 @@
 #include "common/base/version.h"
 #include "common/film/layers.h"
 #include "common/image/image.h"
+#include "common/image/mix.h"
 #include "common/job/bundle.h"
 #include "common/job/render_command.h"
 #include "common/stages/development.h"
@@ -23,6 +24,7 @@
 #include "master/jobs/aov_layers.h"
 #include "master/jobs/develop.h"
 #include "master/jobs/error_history.h"
+#include "master/jobs/film_layers.h"
 
 namespace candela::master {
 namespace {
@@ -215,26 +217,15 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
                                       layer.values[std::size_t{y} * s.width + x]);
                       }});
   };
-  const auto add_chain_layer = [&](const std::string& name, std::uint32_t first, std::uint32_t second) {
-    layers.push_back(
-        {name, {}, [&film, &parts, &development, first, second](std::uint32_t y, std::span<float> out) {
-           std::vector<double> chains(out.size()), rest(out.size());
-           film.develop_row(first, y, parts.which, chains);
-           film.develop_row(second, y, parts.which, rest);
-           for (std::size_t v = 0; v < out.size(); ++v)
-             out[v] = static_cast<float>(development.factor * chains[v] + rest[v]);
-         }});
-  };
-  for (std::uint32_t i = development.image_layers(); i < film.layout().layers; ++i) {
-    const std::string& name = row.layers[i - 1];
-    if (row.chains && name.ends_with(chains::kIndependentPart)) continue;
-    std::string& names = m["candela:layers"];
-    names += (names.empty() ? "" : ", ") + name;
-    const auto rest = row.chains ? chains::independent_part(row.layers, i - 1) : std::nullopt;
-    if (rest)
-      add_chain_layer(name, i, static_cast<std::uint32_t>(*rest) + 1);
-    else
-      add_layer(name, i);
+  // A snapshot of the image alone has no further layers.
+  if (film.layout().layers > development.image_layers()) {
+    layers = film_layers(row, film, development, parts.which);
+    const auto names_of = [](const std::vector<std::string>& names) {
+      return fmt::format("{}", fmt::join(names, ", "));
+    };
+    if (!layers.empty()) m["candela:layers"] = names_of(film_layer_names(row));
+    if (const auto partition = partition_of(row); !partition.empty())
+      m[image::kPartitionAttribute] = names_of(partition);
   }
   if (parts.chain_layers && development.two_layers) {
     add_layer("raw.chains", 0);

@@ -103,7 +103,7 @@ TEST_F(Convert, RefusesOptions) {
            {{exr_, in_folder("o.jpg"), "--quality", "0"}, "--quality: '0' is not"},
            {{exr_, in_folder("o.gif")}, "the name does not end in .png, .jpg or .tif"},
            {{exr_, in_folder("o.gif"), "--denoise"}, "the name does not end in .png, .jpg or .tif, or .exr"},
-           {{exr_, in_folder("o.exr")}, "an EXR is made with --denoise only"},
+           {{exr_, in_folder("o.exr")}, "an EXR is made with --denoise or --mix only"},
            {{exr_, in_folder("no/o.tif")}, "there is no folder"},
            {{exr_, png, "--layer", "depth", "--denoise"}, "--layer and --denoise exclude each other"},
            {{exr_, in_folder("o.exr"), "--range", "0,1", "--denoise"}, "--range and an EXR exclude"}}) {
@@ -148,6 +148,24 @@ TEST_F(Convert, ShowsTheDenoisedImage) {
   ASSERT_EQ(run({exr_, in_folder("o.exr"), "--denoise"}).code, 0);
   EXPECT_NEAR(image::read_layer(in_folder("o.exr"), "denoised")->rgb[3], 0.6F, 1e-6F);
   EXPECT_EQ(image::read_image(in_folder("o.exr"))->rgb, color_);
+}
+
+// Claim: --mix makes the image anew of its layers, as EXR and as picture; a fault of the mix names the image.
+TEST_F(Convert, MixesLayers) {
+  const std::vector<float> sum = {0.1F, 0.2F, 0.3F, 0.4F, 0.5F, 0.6F}, none(6, 0.0F);
+  const std::vector<image::Layer> layers = {{"light.key", sum, {}}, {"light.off", none, {}}};
+  const auto bytes = image::encode_exr(2, 1, sum, {{"candela:partition", "light.key, light.off"}}, layers);
+  ASSERT_TRUE(bytes.ok() && write_file_atomically(exr_, *bytes).ok());
+  const std::string mix = in_folder("mix.json"), text = R"({"layers": {"light.key": {"intensity": 0.5}}})";
+  ASSERT_TRUE(write_file_atomically(mix, text).ok());
+  ASSERT_EQ(run({exr_, in_folder("o.exr"), "--mix", mix}).code, 0);
+  EXPECT_EQ(image::read_image(in_folder("o.exr"))->rgb[5], 0.3F);
+  EXPECT_EQ(image::read_layer(in_folder("o.exr"), "light.key")->rgb, sum);
+  ASSERT_EQ(run({exr_, in_folder("o.png"), "--mix", mix, "--exposure", "1"}).code, 0);
+  EXPECT_EQ(code_at(in_folder("o.png"), 5), std::lround(255 * image::linear_to_srgb(0.6F)));
+  const Outcome again = run({in_folder("o.exr"), in_folder("p.exr"), "--mix", mix});
+  EXPECT_EQ(again.code, 2);
+  EXPECT_THAT(again.err, testing::HasSubstr("o.exr: the image is a mix already"));
 }
 
 // Claim: outputs of render and fetch: the EXR keeps its image and has the layer, the PNG shows the layer. If

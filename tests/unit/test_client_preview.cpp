@@ -94,6 +94,7 @@ class FakeTev {
   std::string name, error;
   std::int32_t width = 0, height = 0;
   int connections = 0, created = 0, updated_rows = 0;
+  std::vector<std::string> channels;
   std::vector<float> rgb;
 
  private:
@@ -133,14 +134,14 @@ class FakeTev {
     if (type == 4) {
       width = packet.number<std::int32_t>();
       height = packet.number<std::int32_t>();
-      check_channels(packet);
+      channels = channels_of(packet);
       rgb.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 3, -1.0F);
       ++created;
     } else if (type == 6) {
-      check_channels(packet);
+      if (channels_of(packet) != channels) throw std::runtime_error("other channels than at first");
       const int x = packet.number<std::int32_t>(), y = packet.number<std::int32_t>();
       const int w = packet.number<std::int32_t>(), h = packet.number<std::int32_t>();
-      std::int64_t offsets[3], strides[3];
+      std::vector<std::int64_t> offsets(channels.size()), strides(channels.size());
       for (auto& value : offsets) value = packet.number<std::int64_t>();
       for (auto& value : strides) value = packet.number<std::int64_t>();
       if (x < 0 || y < 0 || x + w > width || y + h > height) throw std::runtime_error("outside of the image");
@@ -148,18 +149,23 @@ class FakeTev {
       for (float& value : data) value = packet.number<float>();
       for (int row = 0; row < h; ++row)
         for (int column = 0; column < w; ++column)
-          for (int c = 0; c < 3; ++c)
-            rgb[static_cast<std::size_t>(((y + row) * width + x + column) * 3 + c)] =
+          for (std::size_t c = 0; c < 3; ++c)
+            rgb[static_cast<std::size_t>((y + row) * width + x + column) * 3 + c] =
                 data.at(static_cast<std::size_t>(offsets[c] + (row * w + column) * strides[c]));
       updated_rows += h;
     } else {
       throw std::runtime_error("a packet of type " + std::to_string(static_cast<int>(type)));
     }
   }
-  static void check_channels(PacketReader& packet) {
-    if (packet.number<std::int32_t>() != 3) throw std::runtime_error("not three channels");
-    for (const char* channel : {"R", "G", "B"})
-      if (packet.text() != channel) throw std::runtime_error("no channel " + std::string(channel));
+  // The first three are those of the image.
+  static std::vector<std::string> channels_of(PacketReader& packet) {
+    const auto count = packet.number<std::int32_t>();
+    if (count < 3 || count > 100) throw std::runtime_error("not three channels or more");
+    std::vector<std::string> names;
+    for (std::int32_t c = 0; c < count; ++c) names.push_back(packet.text());
+    for (std::size_t c = 0; c < 3; ++c)
+      if (names[c] != std::string(1, "RGB"[c])) throw std::runtime_error("no channel " + names[c]);
+    return names;
   }
 
   const int packets_;
@@ -205,6 +211,19 @@ TEST_F(PreviewTest, TevShowsThePicture) {
   EXPECT_EQ(tev.name, "candela " + folder_.path().filename().string());  // the name of its folder
   EXPECT_EQ(tev.width, 40);
   EXPECT_EQ(tev.height, 30);
+  EXPECT_EQ(tev.rgb, pixels("x.exr"));
+  EXPECT_EQ(tev.channels, (std::vector<std::string>{"R", "G", "B"}));
+}
+
+// Claim: layers are channels of their own, by which tev shows them.
+TEST_F(PreviewTest, TevShowsLayers) {
+  FakeTev tev;
+  const Outcome r = render({"--iterations", "8", "--tev", tev.address(), "--light-groups", "--aov", "depth"});
+  tev.stop();
+  EXPECT_EQ(r.code, 0) << r.err;
+  EXPECT_EQ(tev.error, "");
+  EXPECT_EQ(tev.channels, (std::vector<std::string>{"R", "G", "B", "depth.Z", "light.constant.1.R",
+                                                    "light.constant.1.G", "light.constant.1.B"}));
   EXPECT_EQ(tev.rgb, pixels("x.exr"));
 }
 
@@ -265,7 +284,8 @@ TEST(TevViewerTest, OneThatTakesNothingIsGivenUp) {
   ASSERT_TRUE(tev.ok());
   const std::vector<float> large(std::size_t{3000} * 2000 * 3, 1.0F);
   const auto begin = std::chrono::steady_clock::now();
-  const auto shown = tev->show(3000, 2000, large);
+  const std::vector<std::string> channels = {"R", "G", "B"};
+  const auto shown = tev->show({3000, 2000, channels, large});
   ASSERT_FALSE(shown.ok());
   EXPECT_EQ(shown.error().kind, ErrorKind::unreachable);
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(30));

@@ -225,6 +225,19 @@ TEST_F(HttpApi, AnswersAsDescribed) {
       1U);
   described("GET", "/api/jobs", "/api/jobs?offset=x", read_token);
   described("GET", "/api/jobs/{id}/image.png", "/api/jobs/" + done + "/image.png?exposure=loud", read_token);
+  for (const char* query : {"percentiles=9,1", "percentiles=1", "percentiles=a,b", "log=2", "map=pink",
+                            "pixels=1,1,0,0", "pixels=1,2,3", "pixels=-1,0,0,0", "kind=none", "kind=layer",
+                            "kind=layer&layer=a/b", "kind=layer&layer=error"}) {
+    const std::string where = "/api/jobs/" + done + "/colors?" + query;
+    EXPECT_EQ(described("GET", "/api/jobs/{id}/colors", where, read_token).code, 400) << query;
+  }
+  EXPECT_EQ(described("GET", "/api/jobs/{id}/tile", "/api/jobs/" + done + "/tile?level=0&x=0&y=0&form=gif",
+                      read_token)
+                .code,
+            400);
+  EXPECT_EQ(
+      described("GET", "/api/stream", "/api/stream?job=" + done + "&kind=layer&layer=a%2fb", read_token).code,
+      400);
   const std::string exr =
       described("GET", "/api/jobs/{id}/image.exr", "/api/jobs/" + done + "/image.exr", read_token).body;
   EXPECT_EQ(exr, fetch(done)) << "the download is the image that the command fetches";

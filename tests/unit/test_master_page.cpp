@@ -46,11 +46,11 @@ TEST(PageTiles, AreNearTheFloats) {
     const float v = std::pow(10.0F, static_cast<float>(i % 61) - 30);
     rgb.insert(rgb.end(), {v, -v, 0.3F * v});
   }
-  Picture picture(kWidth, kHeight, rgb, 1);
+  Picture picture(kWidth, kHeight, rgb, {.iterations = 1});
   ASSERT_EQ(picture.levels().size(), 2U);
   EXPECT_EQ(picture.levels()[1].width, 150U);
   EXPECT_EQ(picture.levels()[1].height, 4U);
-  const Picture::Tile tile = picture.tile(0, 1, 0);
+  const Picture::Tile tile = picture.tile(0, 1, 0, TileForm::rgbe);
   ASSERT_TRUE(tile.bytes);
   ASSERT_EQ(tile.bytes->size(), 4U * (kWidth - kPageTile) * kHeight);
   for (std::size_t i = 0; i < tile.bytes->size() / 4; ++i) {
@@ -62,11 +62,67 @@ TEST(PageTiles, AreNearTheFloats) {
       EXPECT_NEAR(std::ldexp(byte(c), byte(3) - 136), wanted, largest / 128) << x << ' ' << y << ' ' << c;
     }
   }
-  EXPECT_FALSE(picture.tile(0, 2, 0).bytes);
-  EXPECT_FALSE(picture.tile(2, 0, 0).bytes);
-  EXPECT_EQ(Picture(kWidth, kHeight, rgb, 2).tile(0, 1, 0).etag, tile.etag);
+  EXPECT_FALSE(picture.tile(0, 2, 0, TileForm::rgbe).bytes);
+  EXPECT_FALSE(picture.tile(2, 0, 0, TileForm::rgbe).bytes);
+  EXPECT_EQ(Picture(kWidth, kHeight, rgb, {}).tile(0, 1, 0, TileForm::rgbe).etag, tile.etag);
   rgb[3 * kPageTile] *= 2;
-  EXPECT_NE(Picture(kWidth, kHeight, rgb, 2).tile(0, 1, 0).etag, tile.etag);
+  EXPECT_NE(Picture(kWidth, kHeight, rgb, {}).tile(0, 1, 0, TileForm::rgbe).etag, tile.etag);
+}
+
+double value_of_half(std::uint16_t half) {
+  const int exponent = half >> 10 & 31, mantissa = half & 1023;
+  const double size = exponent == 0 ? std::ldexp(mantissa, -24) : std::ldexp(1024 + mantissa, exponent - 25);
+  return (half & 0x8000) != 0 ? -size : size;
+}
+
+std::vector<double> halves_in(const Picture::Tile& tile) {
+  std::vector<double> out;
+  for (std::size_t i = 0; tile.bytes && i + 1 < tile.bytes->size(); i += 2)
+    out.push_back(
+        value_of_half(static_cast<std::uint16_t>(static_cast<unsigned char>((*tile.bytes)[i]) |
+                                                 static_cast<unsigned char>((*tile.bytes)[i + 1]) << 8)));
+  return out;
+}
+
+// Claim: a half is the nearest one of those there are, with its sign; what is beyond the largest is the
+// largest.
+TEST(PageTiles, HalvesAreTheNearest) {
+  for (std::uint32_t half = 0; half < 0x7c00; ++half) {
+    const auto value = static_cast<float>(value_of_half(static_cast<std::uint16_t>(half)));
+    ASSERT_EQ(half_of(value), half);
+    ASSERT_EQ(half_of(std::nextafter(value, 1e9F)), half == 0x7bff ? 0x7bff : half);
+    if (half > 0) {
+      ASSERT_EQ(half_of(-value), half | 0x8000);
+    }
+  }
+  EXPECT_EQ(value_of_half(half_of(2049)), 2048) << "ties to even";
+  EXPECT_EQ(value_of_half(half_of(2051)), 2052);
+  EXPECT_EQ(value_of_half(half_of(1e30F)), 65504);
+  EXPECT_EQ(value_of_half(half_of(-INFINITY)), -65504);
+}
+
+// Claim: a tile of halves keeps signs and dim channels; the tile of a mix has its layers one after another,
+// and a mix of many large layers begins at a coarser level, whose memory is what was said.
+TEST(PageTiles, OfLayersAreHalves) {
+  Picture layer(2, 1, {1, -2, 0.001F, 4, 5, 6}, {});
+  const std::vector<double> values = halves_in(layer.tile(0, 0, 0, TileForm::half));
+  ASSERT_EQ(values.size(), 6U);
+  EXPECT_EQ(values[1], -2);
+  EXPECT_NEAR(values[2], 0.001, 1e-6);
+  const Picture::Facts two{.partition = {"a", "b"}};
+  Picture mix(300, 2, two, [](std::size_t i) { return std::vector<float>(1800, static_cast<float>(i + 1)); });
+  EXPECT_EQ(mix.first(), 0U);
+  const std::vector<double> tile = halves_in(mix.tile(0, 1, 0, TileForm::half));
+  ASSERT_EQ(tile.size(), 2U * 3 * 44 * 2);
+  EXPECT_EQ(tile.front(), 1);
+  EXPECT_EQ(tile.back(), 2);
+  EXPECT_EQ(halves_in(mix.tile(1, 0, 0, TileForm::half)).back(), 2);
+  const Picture::Facts many{.partition = std::vector<std::string>(50, "x")};
+  Picture coarse(1000, 500, many, [](std::size_t) { return std::vector<float>(1'500'000, 3.0F); });
+  EXPECT_EQ(coarse.first(), 1U);
+  EXPECT_FALSE(coarse.tile(0, 0, 0, TileForm::half).bytes);
+  EXPECT_EQ(halves_in(coarse.tile(1, 1, 0, TileForm::half)).back(), 3);
+  EXPECT_LT(Picture::mix_memory_bytes(1000, 500, 50), 120U << 20);
 }
 
 // Claim: a job whose priority is raised gets the next lease, and the store and an event are told; a job that

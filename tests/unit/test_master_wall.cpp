@@ -108,7 +108,7 @@ TEST_F(Wall, QueueIsTheTimeOfWhatIsLeft) {
 }
 
 Picture flat(std::uint32_t width, std::uint32_t height, float value) {
-  return {width, height, std::vector<float>(std::size_t{3} * width * height, value), 4};
+  return {width, height, std::vector<float>(std::size_t{3} * width * height, value), {.iterations = 4}};
 }
 
 image::Image shown(const std::string& png) {
@@ -142,7 +142,7 @@ TEST(Thumbnails, ShowThePicture) {
   // Columns of 0 and 1 in turn, 300 to 96: every pixel is about their mean.
   std::vector<float> stripes(std::size_t{3} * 300 * 200);
   for (std::size_t i = 0; i < stripes.size(); ++i) stripes[i] = (i / 3) % 2 == 0 ? 1.0F : 0.0F;
-  const auto mixed = make_thumbnails(Picture(300, 200, stripes, 1), "1");
+  const auto mixed = make_thumbnails(Picture(300, 200, stripes, {.iterations = 1}), "1");
   ASSERT_TRUE(mixed.ok());
   for (const float v : shown(*mixed->png[0]).rgb) ASSERT_NEAR(v, 0.5F, 0.17F);
 }

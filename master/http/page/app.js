@@ -4,7 +4,9 @@ import {jobsPage} from './jobs.js';
 import {ask, badge, connected, link, namedJobLink, plural, saveLink, workerLink} from './parts.js';
 import {get, logIn, onToken, post, setToken, stream, unlocked} from './net.js';
 import {chart} from './chart.js';
-import {Viewer} from './viewer.js';
+import {Mix} from './mix.js';
+import {Region} from './region.js';
+import {Viewer, sourceQuery} from './viewer.js';
 
 const main = document.getElementById('main');
 let controls = false;
@@ -185,7 +187,7 @@ async function jobPage(id) {
     cancel: h('button', {type: 'button', class: 'control danger', onclick: () => ask({title: 'Cancel this job?', text: 'It keeps the image of what is merged, and can be extended later.', action: 'Cancel the job', danger: true}, () => act('cancel'))}, 'Cancel…'),
   };
   const plot = h('div', {class: 'plot'}), plotText = h('p', {class: 'note'}), luck = h('p', {class: 'note'});
-  let axis = 'iterations', convergence = [], job = first, viewer = null, end = null;
+  let axis = 'iterations', convergence = [], job = first, end = null;
   const choose = (a, text) => h('button', {type: 'button', 'aria-pressed': String(a === axis), onclick: (e) => {
     axis = a;
     for (const b of e.target.parentElement.children) b.setAttribute('aria-pressed', String(b === e.target));
@@ -206,14 +208,19 @@ async function jobPage(id) {
   const chainFacts = h('p', {}), groups = h('div', {class: 'groups'}), epochFacts = h('p', {}), epochTable = h('dl', {class: 'settings'});
   chains.append(chainFacts, groups);
   epochs.append(epochFacts, epochTable);
-  const stage = h('div', {class: 'stagebox'});
+  const viewer = new Viewer(id), region = new Region(viewer, () => job);
+  const mix = viewer.mix = new Mix(id, () => {
+    if (viewer.kind === 'mix') viewer.recolor();
+    else viewer.choose('mix');
+  });
+  viewer.onlayers = (partition) => mix.setNames(partition);
   // The PNG is exposed as the picture is.
   const png = saveLink(first, 'png'), saves = h('span', {class: 'saves'}, 'Save ', saveLink(first, 'exr'), ' ', png);
-  png.addEventListener('click', () => png.setAttribute('href', `/api/jobs/${encodeURIComponent(id)}/image.png` + (viewer?.kind === 'image' && viewer.exposure ? '?exposure=' + viewer.exposure : '')));
+  png.addEventListener('click', () => png.setAttribute('href', `/api/jobs/${encodeURIComponent(id)}/image.png` + (viewer.kind === 'image' && viewer.exposure ? '?exposure=' + viewer.exposure : '')));
   main.replaceChildren(
       h('div', {class: 'jobhead'}, h('div', {}, title, state, saves), h('div', {class: 'buttons'}, ...Object.values(buttons))), message,
       h('div', {class: 'overall'}, meter, percent),
-      h('div', {class: 'columns'}, h('div', {class: 'side'}, stage, section('Events', events)),
+      h('div', {class: 'columns'}, h('div', {class: 'side'}, h('div', {class: 'stagebox'}, viewer.element), mix.element, region.element, section('Events', events)),
           h('div', {class: 'side'}, list, section('Convergence', h('div', {class: 'switch', role: 'group', 'aria-label': 'Horizontal axis'}, choose('iterations', 'Iterations'), choose('seconds', 'Time')), plot, plotText, luck), section('Workers’ share', shares))),
       h('div', {class: 'below'}, chains, epochs, section('Plan', plan), section('Settings', settings)));
   let settingsShown = '';
@@ -278,17 +285,15 @@ async function jobPage(id) {
     })) : h('p', {class: 'note'}, 'Nothing is merged yet.'));
     events.replaceChildren(eventList(d.events, toWorker));
   };
-  const open = (kind) => {
+  const open = (source) => {
     if (end) end();
-    if (viewer) viewer.close();
-    viewer = new Viewer(id, kind);
-    viewer.onkind = open;
-    stage.replaceChildren(viewer.element);
-    end = stream('job=' + encodeURIComponent(id) + '&kind=' + kind,
-        {job: show, details, picture: (p) => viewer.picture(p), nopicture: (p) => viewer.none(p.message)}, {...connected, again: () => {}});
+    const mine = () => viewer.source === source;  // an event may come after its stream was left
+    end = stream('job=' + encodeURIComponent(id) + '&' + sourceQuery(source),
+        {job: show, details, picture: (p) => mine() && viewer.picture(p), nopicture: (p) => mine() && viewer.none(p.message)}, {...connected, again: () => {}});
   };
+  viewer.onsource = open;
   show(first);
-  open('image');
+  open(viewer.source);
   return () => { end(); viewer.close(); };
 }
 
