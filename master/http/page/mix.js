@@ -63,7 +63,6 @@ export class Mix {
     if (names.join() === this.names.join()) return;
     this.names = names;
     this.rows.replaceChildren(...names.map((name) => this.row(name)));
-    // The end of a name tells lights apart; the whole is in the labels of its controls.
   }
   row(name) {
     const layer = {on: true, intensity: 1, tint: white()};
