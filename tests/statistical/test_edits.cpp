@@ -413,7 +413,7 @@ TEST_P(EditedByPath, IsTheSameFromBothEnds) {
   scene.from_scene["max_depth"] = "5";
   const Estimator reference = cached(estimator_of("light", scene, c.edits, regions, 8));
   std::vector<std::string> integrators = {"path", "bdpt"};
-  if (long_form() || c.name == "prefix") integrators.insert(integrators.end(), {"pssmlt", "mmlt"});
+  if (long_form()) integrators.insert(integrators.end(), {"pssmlt", "mmlt"});
   for (const std::string& integrator : integrators)
     expect_equal(estimator_of(integrator, scene, c.edits, regions, 9), reference, regions, 0,
                  integrator == "bdpt" ? 0.12 : std::max(0.2, c.detectable));
