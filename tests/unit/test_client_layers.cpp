@@ -225,7 +225,7 @@ class LayersOverTheFarm : public testing::Test {
     denoiser->seen.clear();
     const auto one = client::fetch_for(*client_, id, {.half = v1::FetchImageRequest::HALF_B}, output);
     ASSERT_TRUE(one.ok() && client::write_images(output, *one).ok());
-    EXPECT_EQ(denoiser->seen, std::vector{expected.develop(0, Which::half1)});
+    EXPECT_EQ(denoiser->seen, std::vector<std::vector<float>>{expected.develop(0, Which::half1)});
   }
 
   // Claim: the image of a half is the exact mean of this half's iterations, in every layer, and says so. The
