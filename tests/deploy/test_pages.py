@@ -159,9 +159,11 @@ class Pages(OnAMachine):
         self.run_line("candela convert both.exr denoised.png --layer denoised")
 
     def test_layers(self):
-        self.have_scene()
-        self.run_blocks("layers", 2)
-        self.pictures("caustics.png")
+        self.have_scene(more="".join(LAMP_OF_TABLE.format(name) for name in ("key", "fill")))
+        (self.folder / "mix.json").write_text(blocks("layers", "json")[0])
+        self.start_farm()
+        self.run_blocks("layers", 3)
+        self.pictures("caustics.png", "out.exr", "mixed.exr")
         # The rows of the table of examples, and the element, in a scene with those names.
         self.have_scene("named.xml", "".join(LAMP_OF_TABLE.format(name) for name in ("key", "rim1")) +
                         '<shape type="sphere" id="mirror"><point name="center" value="0.4, 0.4, 0.4"/><float name="radius" value="0.2"/>'
