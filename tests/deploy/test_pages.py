@@ -21,7 +21,7 @@ from machine import SCENE, STAY, OnAMachine
 from manifests import PROGRAMS, SOURCE
 
 TEST = "deploy_pages"
-PAGES = ("inspect", "edits", "pictures", "notices", "from-blender", "layers", "frames", "reproduce", "README")
+PAGES = ("inspect", "inspect-volume", "edits", "pictures", "notices", "from-blender", "layers", "frames", "reproduce", "README")
 # Pages with commands in such blocks that others run.
 ELSEWHERE = {"http": "tests/doors/test_http_page.py", "farm": "tests/deploy/test_commands.py"}
 # Commands of README in blocks without a language, which set up a checkout, and what runs them.
@@ -135,6 +135,11 @@ class Pages(OnAMachine):
         for name in names:
             start = {"exr": b"v/1\x01", "png": b"\x89PNG", "jpg": b"\xff\xd8", "tif": b"II*\0"}[name.rsplit(".", 1)[1]]
             self.assertEqual((self.folder / name).read_bytes()[:len(start)], start, name)
+
+    def test_inspect_volume(self):
+        self.run_blocks("inspect-volume", 1)
+        self.pictures("light.png", "slices.png")
+        self.assertGreater((self.folder / "caustic.vdb").stat().st_size, 1000)
 
     def test_inspect(self):
         self.run_blocks("inspect", 3)
