@@ -41,7 +41,11 @@ case "${1:-}" in
     [[ " $* " == *" --size "* ]] || more+=(--size 48x36)
     [[ " $* " =~ " --"(spp|time|until|iterations|indices|resume)" " ]] || more+=(--spp 8) ;;
   inspect)
-    [[ "$2" == falsecolor || " $* " == *" --spp "* ]] || more+=(--spp 16) ;;
+    case "$2 $* " in
+      falsecolor* | *" --spp "*) ;;
+      volume*) more+=(--spp 1) ;;
+      *) more+=(--spp 16) ;;
+    esac ;;
 esac
 exec "$CANDELA_REAL" "$@" "${more[@]}"
 """
