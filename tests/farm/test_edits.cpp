@@ -36,7 +36,7 @@ class EditsOnFarm : public testing::TestWithParam<std::string> {};
 // from what it says of itself.
 TEST_P(EditsOnFarm, SurviveDeathsToTheLastBit) {
   const bool chains = GetParam() == "mmlt";
-  const std::uint64_t iterations = chains ? 60 : 300;
+  const std::uint64_t iterations = chains ? 30 : 100;
   const std::vector<std::string> options = options_for(GetParam());
   Farm farm;
   farm.start_master({"--unit-time", "0.05", "--checkpoint-interval", "0.05", "--lease-time", "2"});
@@ -68,7 +68,7 @@ INSTANTIATE_TEST_SUITE_P(, EditsOnFarm, testing::Values("path", "bdpt", "mmlt"),
 
 // Claim: a render with edits that is killed goes on with --resume to the picture of one that was not; the
 // edits of the scene's element are those of the option, and an integrator that cannot render them says why.
-TEST(EditsOnFarm, ResumeAndStandInTheScene) {
+TEST(EditedRenders, ResumeAndStandInTheScene) {
   Farm farm;
   std::ifstream in(scene_path("cornell"));
   std::stringstream text;
@@ -81,7 +81,7 @@ TEST(EditsOnFarm, ResumeAndStandInTheScene) {
   const std::string path = (farm.folder().path() / "edited.xml").string();
   std::ofstream(path) << scene;
 
-  constexpr std::uint64_t iterations = 1500;
+  constexpr std::uint64_t iterations = 600;
   const std::string out = (farm.folder().path() / "r.exr").string();
   std::vector<std::string> command = {"render", path,           "-o",   out,     "--threads",
                                       "1",      "--integrator", "path", "--set", "max_depth=4"};
