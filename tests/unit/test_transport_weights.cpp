@@ -28,6 +28,7 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "common/description/object_list.h"
 #include "common/edits/edits.h"
 #include "tests/paths.h"
 #include "tests/unit/scene_fixture.h"
@@ -253,6 +254,12 @@ TEST(TransportWeights, HoldForEditedSurfaces) {
        "tint": [1, 0.5, 0.8]}]})");
   ASSERT_TRUE(list.ok()) << list.error().to_string();
   request.list = *list;
+  const test::TextFiles text({{"scene.xml", "<scene version=\"3.0.0\">" + body + "</scene>"}});
+  const auto described = description::parse_scene(text, "scene.xml", {});
+  ASSERT_TRUE(described.ok()) << described.error().to_string();
+  const description::LetterObjects objects = description::letter_objects(*described->scene);
+  request.names = objects.names;
+  request.uses = objects.uses;
   scene::Scene::Options options;
   options.film_width = options.film_height = test::kFilmSize;
   options.edits = &request;
