@@ -21,7 +21,7 @@ from machine import SCENE, STAY, OnAMachine
 from manifests import PROGRAMS, SOURCE
 
 TEST = "deploy_pages"
-PAGES = ("inspect", "edits", "pictures", "notices", "from-blender", "layers", "frames", "reproduce", "README")
+PAGES = ("inspect", "inspect-volume", "edits", "pictures", "notices", "from-blender", "layers", "frames", "reproduce", "README")
 # Pages with commands in such blocks that others run.
 ELSEWHERE = {"http": "tests/doors/test_http_page.py", "farm": "tests/deploy/test_commands.py"}
 # Commands of README in blocks without a language, which set up a checkout, and what runs them.
@@ -41,7 +41,7 @@ case "${1:-}" in
     [[ " $* " == *" --size "* ]] || more+=(--size 48x36)
     [[ " $* " =~ " --"(spp|time|until|iterations|indices|resume)" " ]] || more+=(--spp 8) ;;
   inspect)
-    [[ "$2" == falsecolor || " $* " == *" --spp "* ]] || more+=(--spp 16) ;;
+    [[ ! "$2" =~ ^(paths|sphere)$ || " $* " == *" --spp "* ]] || more+=(--spp 16) ;;
 esac
 exec "$CANDELA_REAL" "$@" "${more[@]}"
 """
@@ -142,6 +142,13 @@ class Pages(OnAMachine):
         self.assertTrue(json.loads((self.folder / "paths.json").read_text())["clusters"])
         for name in ("paths.ply", "lobe.ply"):
             self.assertTrue((self.folder / name).read_text().startswith("ply\n"), name)
+
+    def test_inspect_volume(self):
+        if not (PROGRAMS / "candela-vdb.so").exists():
+            self.skipTest("the build has no OpenVDB (Debian: libopenvdb-dev)")
+        self.run_blocks("inspect-volume", 1)
+        self.pictures("light.png", "slices.png")
+        self.assertGreater((self.folder / "caustic.vdb").stat().st_size, 1000)
 
     def test_edits(self):
         said = self.run_blocks("edits", 8)
