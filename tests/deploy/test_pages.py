@@ -123,11 +123,14 @@ class Pages(OnAMachine):
         self.start("candela-worker --master 127.0.0.1:7070 --cache /var/cache/candela")
         self.environment["CANDELA_MASTER"] = "127.0.0.1:7070"
 
-    def have_scene(self, name="scene.xml", more=""):
+    def have_scene(self, name="scene.xml", more="", lamp=""):
         """A scene of the reader's, with a parameter `frame`, as those pages assume that speak of scene.xml."""
         text = SCENE.read_text()
         path = self.folder / name
         path.parent.mkdir(exist_ok=True)
+        if lamp:
+            text, times = re.subn(r'<shape type="rectangle"(?: id="\w*")?>(?=(?:(?!</shape>).)*<emitter)', f'<shape type="rectangle" id="{lamp}">', text, flags=re.S)
+            self.assertEqual(times, 1)
         path.write_text(re.sub(r"(<scene[^>]*>)", r'\1<default name="frame" value="1"/>', text, count=1)
                         .replace("</scene>", f'{more}</scene>')
                         .replace("</sampler>", '<integer name="seed" value="$frame"/></sampler>'))
@@ -168,8 +171,18 @@ class Pages(OnAMachine):
 
     def test_layers(self):
         self.have_scene()
-        self.run_blocks("layers", 2)
+        example, partition, mix, lamps = blocks("layers")
+        for block in (example, partition):
+            self.run_block(block)
         self.pictures("caustics.png")
+        (self.folder / "mix.json").write_text(blocks("layers", "json")[0])
+        self.start_farm()
+        self.have_scene("scene.xml", lamp="key", more=LAMP_OF_TABLE.format("fill"))
+        self.run_block(mix)
+        self.assertIn("mixed.exr", self.run_line("candela compare mixed.exr mixed.exr; ls"))
+        self.have_scene("scene.xml", lamp="key1", more=LAMP_OF_TABLE.format("rim1"))
+        self.held["ID"] = self.run_block(lamps).strip()
+        self.run_line(f"candela watch {self.held['ID']}")
         # The rows of the table of examples, and the element, in a scene with those names.
         self.have_scene("named.xml", "".join(LAMP_OF_TABLE.format(name) for name in ("key", "rim1")) +
                         '<shape type="sphere" id="mirror"><point name="center" value="0.4, 0.4, 0.4"/><float name="radius" value="0.2"/>'
