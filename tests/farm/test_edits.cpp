@@ -51,7 +51,7 @@ TEST_P(EditsOnFarm, SurviveDeathsToTheLastBit) {
   farm.audit(id, iterations);
   expect_identical(farm.fetch(id), farm.render(iterations, "cornell", options), "with deaths");
 
-  farm.extend(id, iterations + 20);
+  farm.extend(id, 20);
   farm.wait_for(id, v1::JOB_STATE_DONE);
   const image::Image extended = farm.fetch(id);
   expect_identical(extended, farm.render(iterations + 20, "cornell", options), "extended");
