@@ -36,7 +36,7 @@ class EditsOnFarm : public testing::TestWithParam<std::string> {};
 // from what it says of itself.
 TEST_P(EditsOnFarm, SurviveDeathsToTheLastBit) {
   const bool chains = GetParam() == "mmlt";
-  const std::uint64_t iterations = chains ? 30 : 100;
+  const std::uint64_t iterations = chains ? 20 : 40;
   const std::vector<std::string> options = options_for(GetParam());
   Farm farm;
   farm.start_master({"--unit-time", "0.05", "--checkpoint-interval", "0.05", "--lease-time", "2"});

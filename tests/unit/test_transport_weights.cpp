@@ -270,6 +270,7 @@ TEST(TransportWeights, HoldForEditedSurfaces) {
   rules.max_edges = 6;
   rules.rr_depth = 1u << 30;
   rules.film_border = 1;
+  rules.eye_paths = static_cast<double>(test::kFilmSize) * test::kFilmSize;
   Findings f;
   run_all<Between::nothing>(**scene, rules, 400, f);
   std::printf("%zu paths; recursion %.1e, sum %.1e; weights up to %.1e, values up to %.1e\n", f.paths,
