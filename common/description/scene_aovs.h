@@ -1,5 +1,5 @@
-// What a scene asks for beside its integrator, by an element around that integrator: layers by `aov`, which
-// is Mitsuba's, and by `lpe`, which is ours, and edits of light transport by `edits`, ours too.
+// Reads the elements around a scene's integrator: `aov` (Mitsuba's) and `lpe` (ours) add layers, `edits`
+// (ours) edits light transport.
 #pragma once
 
 #include <string>

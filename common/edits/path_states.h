@@ -24,7 +24,7 @@ class PathStates {
   using Edits = std::uint16_t;  // bit k: edit k of the list
   static constexpr std::size_t kMost = 16;
 
-  // Of the list's edits of one direction. objects, uses: as letters::Automaton::compile() has them. Errors
+  // Compiles the list's edits of one direction. objects, uses: as for letters::Automaton::compile(). Errors
   // (input): more than kMost states. Precondition: Selection::compile() takes each edit.
   static Result<PathStates> compile(const EditList& list, Edit::Direction direction,
                                     std::span<const letters::ObjectNames> objects,
@@ -40,7 +40,7 @@ class PathStates {
                  std::uint32_t regions) const {
     return automaton_.empty() ? Class{0} : automaton_[0].class_of(letter, side, object, regions);
   }
-  // Of a vertex of the class, after vertices that led to the state.
+  // The state behind a vertex of class c, and the edits that select this vertex, if a walk comes in `state`.
   State next(State state, Class c) const { return next_[state * classes_ + c]; }
   Edits selected(State state, Class c) const { return selected_[state * classes_ + c]; }
 

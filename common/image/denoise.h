@@ -57,7 +57,7 @@ struct DenoisedExr {
   // be seen in them.
   double relmse = std::numeric_limits<double>::quiet_NaN();
 };
-// Whether both halves are of the samples that the EXR has (candela:indices_a, candela:indices_b).
+// True if the halves hold the samples that the EXR names (candela:indices_a, candela:indices_b).
 Result<bool> halves_are_of(std::string_view exr, const HalfExrs& halves);
 
 // Reads the EXR in memory, denoises its image by the layers with its albedo and normals, and adds the result

@@ -79,7 +79,7 @@ double iterations_of(const std::map<std::string, std::string>& texts) {
   return out;
 }
 
-// Whether both images are of the same samples of a job: both name the sets of both halves.
+// True if both images name the same two sets of samples.
 template <class Texts>
 bool same_samples(const Texts& a, const Texts& b) {
   const auto text = [](const Texts& texts, std::string_view key) {

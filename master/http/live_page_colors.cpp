@@ -113,7 +113,7 @@ std::string colors_json(const Picture& picture, const ColorRequest& request, Qua
   for (std::uint32_t y = y0; y <= y1; ++y)
     for (std::uint32_t x = x0; x <= x1; ++x)
       values.push_back(pixel_number(&level.rgb[3 * (std::size_t{y} * level.width + x)], quantity));
-  // Where no number can have a color there is no range: of a black rectangle on a logarithmic scale.
+  // A black rectangle has no range on a logarithmic scale: no number of it has a color.
   const auto range = image::percentile_scale(values, request.percentiles[0], request.percentiles[1],
                                              request.logarithmic, false);
   const image::ColorScale scale = range.ok() ? *range : image::ColorScale{1, 2, request.logarithmic};

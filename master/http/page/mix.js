@@ -14,7 +14,7 @@ const hexOf = (tint) => '#' + tint.map((v) => Math.round(255 * toSrgb(Math.min(1
 const tintOf = (hex) => [1, 3, 5].map((i) => round(toLinear(parseInt(hex.slice(i, i + 2), 16) / 255)));
 const white = () => [1, 1, 1];
 
-// What a file says, by layer. Throws an Error that names the key.
+// Reads a mix file: the weights of each layer. Throws an Error that names the key.
 export function parseMix(text, names) {
   const fail = (key, message) => { throw new Error(`${key}: ${message}`); };
   const isObject = (v) => v !== null && typeof v === 'object' && !Array.isArray(v);

@@ -53,7 +53,7 @@ export function tone(values, gain, out) {
   }
 }
 
-// What a pixel's number is, by its name in the requests of colors.
+// The number of a pixel, by the name that requests of colors give it.
 const kNumbers = {
   luminance: (r, g, b) => 0.2126 * r + 0.7152 * g + 0.0722 * b,
   length: (x, y, z) => Math.hypot(x, y, z),
