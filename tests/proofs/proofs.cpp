@@ -14,6 +14,7 @@
 #include <mutex>
 #include <set>
 #include <sstream>
+#include <stdexcept>
 #include <vector>
 
 #include "common/base/hash.h"
@@ -24,10 +25,13 @@
 namespace candela::proofs {
 namespace {
 
+using Digests = std::set<std::string>;  // a set, since batches may come in any order
+
 // What one test rendered.
 struct Record {
-  std::set<std::string> rendered;  // scenes with their settings
-  std::set<std::string> facts;     // digests; a set, since batches may come in any order
+  std::set<std::string> rendered;        // scenes with their settings
+  Digests facts;                         // outside of parts
+  std::map<std::string, Digests> parts;  // by name
   bool passed = false, skipped = false;
   double seconds = 0;
 };
@@ -36,8 +40,10 @@ struct State {
   std::set<std::string, std::less<>> opted_in;  // suites, and tests as Suite.Test
   bool probing = false;
   bool recording = false;
+  std::set<std::string, std::less<>> proved_parts;  // names of their lines
   std::mutex mutex;
   Record now;
+  std::string part;  // that is open; empty: none
 };
 // Harness functions are free functions that any test calls; one process runs one test at a time.
 State& state() {
@@ -47,6 +53,14 @@ State& state() {
 
 std::string name_of(const testing::TestInfo& test) {
   return fmt::format("{}.{}", test.test_suite_name(), test.name());
+}
+
+// The name of a part's line. GoogleTest's names have no such sign.
+std::string name_of(std::string_view test, std::string_view part) {
+  return fmt::format("{}#{}", test, part);
+}
+std::string test_of(std::string_view line) {
+  return std::string(line.substr(0, line.find('#')));
 }
 
 bool films_decide(const testing::TestInfo& test) {
@@ -61,10 +75,23 @@ std::string_view bytes_of(std::span<const Number> values) {
   return {reinterpret_cast<const char*>(values.data()), values.size_bytes()};
 }
 
-std::string digest(const std::set<std::string>& parts) {
+std::string digest(const Digests& facts) {
+  if (facts.empty()) return "-";
   Sha256 hash;
-  for (const std::string& part : parts) hash.update(part + "\n");
+  for (const std::string& fact : facts) hash.update(fact + "\n");
   return hash.finish_hex().substr(0, 16);
+}
+
+// Of a test without parts its own, of another those of its parts; by the names of the lines.
+std::map<std::string, std::string> digests_of(const std::string& test, const Record& record) {
+  if (record.parts.empty()) return {{test, digest(record.facts)}};
+  std::map<std::string, std::string> digests;
+  for (const auto& [part, facts] : record.parts) {
+    Digests all = record.facts;
+    all.insert(facts.begin(), facts.end());
+    digests[name_of(test, part)] = digest(all);
+  }
+  return digests;
 }
 
 // Keeps a record of every test that films decide.
@@ -90,7 +117,8 @@ class Recorder final : public testing::EmptyTestEventListener {
 };
 
 struct Probe {
-  std::string films, judge;
+  std::map<std::string, std::string> films;  // digests by the names of the lines
+  std::string judge;
   std::set<std::string> rendered;
   double seconds = 0;
 };
@@ -139,8 +167,9 @@ std::map<std::string, std::string> files_of_tests() {
   std::string text;
   for (const auto& [test, record] : records) {
     if (record.skipped) continue;
-    text += fmt::format("test\t{}\t{}\t{}\n", test, record.facts.empty() ? "-" : digest(record.facts),
-                        record.seconds);
+    text += fmt::format("test\t{}\t{}\n", test, record.seconds);
+    for (const auto& [line, films] : digests_of(test, record))
+      text += fmt::format("line\t{}\t{}\n", line, films);
     for (const std::string& what : record.rendered) text += fmt::format("film\t{}\n", what);
   }
   for (std::size_t done = 0; done < text.size();) {
@@ -179,14 +208,15 @@ std::map<std::string, Probe> probe(const std::map<std::string, std::string>& fil
   std::istringstream lines(text);
   for (std::string line; std::getline(lines, line);) {
     std::istringstream words(line);
-    std::string kind, what, films, seconds;
+    std::string kind, what, value;
     std::getline(words, kind, '\t');
     std::getline(words, what, '\t');
+    std::getline(words, value, '\t');
     if (kind == "test") {
-      std::getline(words, films, '\t');
-      std::getline(words, seconds, '\t');
       last = &probes[what];
-      *last = {films, judge_of(files, what), {}, std::atof(seconds.c_str())};
+      *last = {{}, judge_of(files, what), {}, std::atof(value.c_str())};
+    } else if (last != nullptr && kind == "line") {
+      last->films[what] = value;
     } else if (last != nullptr) {
       last->rendered.insert(what);
     }
@@ -194,12 +224,13 @@ std::map<std::string, Probe> probe(const std::map<std::string, std::string>& fil
   return probes;
 }
 
-// Why the test has to run; empty: its line is good.
-std::string reason_to_run(const Table& table, const std::string& test, const Probe& found) {
-  const Line* line = table.find(test);
+// Why a test or a part has to run; empty: its line is good.
+std::string reason_to_run(const Table& table, const std::string& name, const std::string& judge,
+                          const std::string& films) {
+  const Line* line = table.find(name);
   if (line == nullptr) return "not in the table";
-  if (found.judge != line->judge) return fmt::format("its source is not that of {}", line->commit);
-  if (found.films == line->films) return {};
+  if (judge != line->judge) return fmt::format("its source is not that of {}", line->commit);
+  if (films == line->films) return {};
   if (table.build != this_build())
     return fmt::format("films differ from those proved at {} by another build ({}; this is {})", line->commit,
                        table.build, this_build());
@@ -213,27 +244,41 @@ void leave_out(const std::string& names) {
   testing::GTEST_FLAG(filter) = filter + (filter.find('-') == filter.npos ? "-" : ":") + names.substr(1);
 }
 
-// Says of each test whether it is proved, and leaves those out.
+// Says of each test whether it is proved, and leaves those out. Of one of which a part is not, that part
+// runs.
 void leave_out_proved(const Table& table, const std::map<std::string, Probe>& probes) {
   std::string proved;
   for (const auto& [test, found] : probes) {
-    const std::string why = reason_to_run(table, test, found);
-    if (why.empty()) {
-      std::printf("[  PROVED  ] %s at %s: the same films (probe: %.2f s)\n", test.c_str(),
-                  table.find(test)->commit.c_str(), found.seconds);
-      proved += ":" + test;
-    } else {
-      std::printf("[ IN FULL  ] %s: %s; tests/nightly/prove writes its line\n", test.c_str(), why.c_str());
+    std::map<std::string, std::string> reasons;  // of what runs
+    std::string commits;
+    for (const auto& [name, films] : found.films) {
+      const std::string why = reason_to_run(table, name, found.judge, films);
+      if (!why.empty()) {
+        reasons[name] = why;
+        continue;
+      }
+      const std::string& commit = table.find(name)->commit;
+      if (commits.find(commit) == commits.npos) commits += (commits.empty() ? "" : ", ") + commit;
+      if (name != test) state().proved_parts.insert(name);
     }
+    if (reasons.empty()) {
+      std::printf("[  PROVED  ] %s at %s: the same films (probe: %.2f s)\n", test.c_str(), commits.c_str(),
+                  found.seconds);
+      proved += ":" + test;
+    }
+    for (const auto& [name, why] : reasons)
+      std::printf("[ IN FULL  ] %s: %s; tests/nightly/prove writes its line\n", name.c_str(), why.c_str());
   }
   std::fflush(stdout);
   leave_out(proved);
 }
 
-// Why a test that ran in full may not have a line; empty: it may.
+// Why a test that ran in full may not have lines; empty: it may.
 std::string reason_for_no_line(const Record& full, const Probe* probe, const Probe* again) {
   if (!full.passed) return "it failed";
-  if (probe == nullptr || probe->films == "-") return "the probe rendered nothing";
+  if (probe == nullptr || probe->films.empty()) return "the probe rendered nothing";
+  for (const auto& [name, films] : probe->films)
+    if (films == "-") return "the probe rendered nothing";
   if (again == nullptr || again->films != probe->films) return "a second probe rendered other films";
   for (const std::string& what : full.rendered)
     if (!probe->rendered.contains(what)) return "the probe did not render " + what;
@@ -260,7 +305,9 @@ int record(const Table& table, bool all, const std::string& path, const char* co
         reason_for_no_line(full, probe, second == again.end() ? nullptr : &second->second);
     std::printf("proofs: %s: %.2f s in full, %.2f s as a probe%s%s\n", test.c_str(), full.seconds,
                 probe == nullptr ? 0 : probe->seconds, why.empty() ? "" : "; no line: ", why.c_str());
-    if (why.empty()) out << line_text({test, probe->films, probe->judge, commit}) << '\n';
+    if (!why.empty()) continue;
+    for (const auto& [name, films] : probe->films)
+      if (!state().proved_parts.contains(name)) out << line_text({name, films, probe->judge, commit}) << '\n';
   }
   out.flush();
   if (!out) {
@@ -274,7 +321,7 @@ int check(const Table& table) {
   const auto files = files_of_tests();
   // A program without a line need not be probed.
   if (std::any_of(table.lines.begin(), table.lines.end(),
-                  [&](const Line& line) { return files.contains(line.test); }))
+                  [&](const Line& line) { return files.contains(test_of(line.test)); }))
     leave_out_proved(table, probe(files));
   else if (!files.empty())
     std::printf("[ IN FULL  ] no test of this program is in the table; tests/nightly/prove writes lines\n");
@@ -297,6 +344,16 @@ bool probing() {
   return state().probing;
 }
 
+namespace {
+
+// Of the part that is open, or of the test.
+void add(const std::string& fact) {
+  State& s = state();
+  (s.part.empty() ? s.now.facts : s.now.parts[s.part]).insert(fact);
+}
+
+}  // namespace
+
 void film(const std::string& what, std::span<const std::int64_t> integers) {
   State& s = state();
   if (!s.probing && !s.recording) return;
@@ -305,7 +362,7 @@ void film(const std::string& what, std::span<const std::int64_t> integers) {
   if (s.probing) part = "film " + sha256_hex(what) + " " + sha256_hex(bytes_of(integers));
   const std::lock_guard lock(s.mutex);
   s.now.rendered.insert(key);
-  if (!part.empty()) s.now.facts.insert(part);
+  if (!part.empty()) add(part);
 }
 
 void fact(std::string_view name, std::string_view value) {
@@ -313,13 +370,29 @@ void fact(std::string_view name, std::string_view value) {
   if (!s.probing) return;
   const std::string part = fmt::format("fact {} {}", name, sha256_hex(value));
   const std::lock_guard lock(s.mutex);
-  s.now.facts.insert(part);
+  add(part);
 }
 void fact(std::string_view name, std::span<const float> values) {
   fact(name, bytes_of(values));
 }
 void fact(std::string_view name, std::span<const double> values) {
   fact(name, bytes_of(values));
+}
+
+Part::Part(std::string_view name) {
+  State& s = state();
+  const std::lock_guard lock(s.mutex);
+  if (!s.part.empty())
+    throw std::logic_error(fmt::format("part {} begins before part {} ends", name, s.part));
+  s.part = name;
+  if (s.probing && !s.now.parts.try_emplace(s.part).second)
+    throw std::logic_error(fmt::format("two parts are called {}", name));
+  const testing::TestInfo* test = testing::UnitTest::GetInstance()->current_test_info();
+  proved_ = test != nullptr && s.proved_parts.contains(name_of(name_of(*test), name));
+}
+Part::~Part() {
+  const std::lock_guard lock(state().mutex);
+  state().part.clear();
 }
 
 std::string in_this_test(std::string_view key) {

@@ -10,10 +10,13 @@
 // Only suites that a file opts in by FilmsDecide are treated so: those whose every expectation is a function
 // of films that the harness rendered, of constants in the test's file, and of what is noted here.
 //
+// A test may consist of parts (Part), each with a line of its own: a new integrator does not have those
+// that were there before compared again.
+//
 // What a digest covers: the test's source file, the sources of the arithmetic (judge_sources), every film of
-// the probe with its scene and settings, and what the harness notes beside (tolerances, references).
-// tests/nightly/prove writes a line only if the full form rendered nothing but scenes and settings that the
-// probe has rendered too.
+// the probe with its scene and settings (those that are not at their defaults: a new setting changes no
+// digest), and what the harness notes beside (tolerances, references). tests/nightly/prove writes a line only
+// if the full form rendered nothing but scenes and settings that the probe has rendered too.
 #pragma once
 
 #include <cstdint>
@@ -40,6 +43,23 @@ void film(const std::string& what, std::span<const std::int64_t> integers);
 void fact(std::string_view name, std::string_view value);
 void fact(std::string_view name, std::span<const float> values);
 void fact(std::string_view name, std::span<const double> values);
+
+// A piece of the test that runs, from here to the end of the block: what is rendered and noted meanwhile
+// belongs to it alone, what is rendered and noted outside of parts to every part. A body whose `proved()` is
+// true is to be left out; a test of which all parts are proved is not run. Parts of a test differ in name and
+// do not overlap. The verdict on a part is a function of its films and of those outside of parts, so a render
+// that two parts share is to be made outside.
+class Part {
+ public:
+  explicit Part(std::string_view name);
+  ~Part();
+  Part(const Part&) = delete;
+  Part& operator=(const Part&) = delete;
+  bool proved() const { return proved_; }
+
+ private:
+  bool proved_ = false;
+};
 
 // `key` in the test that runs: what a probe keeps in order not to render it again is kept for one test. The
 // digest of a test is then the same in the program of all tests and alone.

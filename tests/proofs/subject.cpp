@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <sstream>
 #include <string>
 
 #include "tests/proofs/proofs.h"
@@ -45,6 +46,21 @@ TEST(Subject, HasTheRadianceOfItsSky) {
 TEST(Subject, SharesAScene) {
   const auto batches = render_batches(furnace(variable("SUBJECT_RADIANCE", "0.5")), 2, 8, 4);
   EXPECT_EQ(batches.size(), 8U);
+}
+
+// Parts of a sky of their own each, and one that they share.
+TEST(Subject, HasParts) {
+  const std::string wanted = variable("SUBJECT_PARTS", "");
+  if (wanted.empty()) GTEST_SKIP() << "only where it is asked for";
+  EXPECT_EQ(render_batches(furnace(variable("SUBJECT_SHARED", "0.125")), 1, 2, 1).size(), 2U);
+  std::istringstream names(wanted);
+  for (std::string name; std::getline(names, name, ',');) {
+    const proofs::Part part(name.substr(0, name.find('=')));
+    if (part.proved()) continue;
+    if (!proofs::probing())
+      std::ofstream(variable("SUBJECT_MARK", "/dev/null"), std::ios::app) << name << '\n';
+    EXPECT_EQ(render_batches(furnace(name.substr(name.find('=') + 1)), 1, 2, 1).size(), 2U);
+  }
 }
 
 // In the probe the batches 0 and 5 are one, and the second scene is not rendered.

@@ -12,7 +12,7 @@
 namespace candela::proofs {
 
 struct Line {
-  std::string test;    // Suite.Name
+  std::string test;    // Suite.Name, or Suite.Name#Part
   std::string films;   // digest of the films of the first batches
   std::string judge;   // digest of what judges them: the test's source and the arithmetic
   std::string commit;  // at which the full form passed

@@ -3,7 +3,7 @@
 
 Planted: a changed film, a missing line, a line of other films, an edited line, a changed source, a test that fails
 while it is recorded, a test that renders what its probe does not, a test that is recorded after one of its scene, films that differ from one
-run to the next.
+run to the next; of a test in parts a new one, one whose films changed, and a change of what they share.
 """
 import hashlib
 import os
@@ -15,6 +15,7 @@ import unittest
 PROGRAM = os.environ["CANDELA_PROOFS_SUBJECT"]
 FIRST = "Subject.HasTheRadianceOfItsSky"
 SECOND = "Subject.SharesAScene"
+PARTS = "Subject.HasParts"
 BUILD = "# build: "
 
 
@@ -125,6 +126,31 @@ class Proofs(unittest.TestCase):
         code, text, _ = self.run_subject(self.table(line, line))
         self.assertEqual(code, 2, text)
         self.assertIn("stands here twice", text)
+
+    def parts_that_run(self, how, parts, shared="0.125", **more):
+        code, text, _ = self.run_subject(how, tests=PARTS, SUBJECT_PARTS=parts, SUBJECT_SHARED=shared, **more)
+        self.assertEqual(code, 0, text)
+        mark = self.path("mark")
+        return text, [line.strip() for line in lines_of(mark)] if os.path.exists(mark) else []
+
+    def test_parts_have_lines_of_their_own(self):
+        out = self.path("lines")
+        self.parts_that_run(f"record-all={out}", "a=0.25,b=0.75", CANDELA_COMMIT="c0ffee")
+        lines = [line for line in lines_of(out) if not line.startswith("#")]
+        self.assertEqual([line.split()[0] for line in lines], [PARTS + "#a", PARTS + "#b"])
+        table = self.table(*lines)
+
+        text, ran = self.parts_that_run(table, "a=0.25,b=0.75")
+        self.assertIn(f"[  PROVED  ] {PARTS} at c0ffee", text)
+        self.assertEqual(ran, [])
+        text, ran = self.parts_that_run(table, "a=0.25,b=0.75,c=0.5")
+        self.assertIn(f"{PARTS}#c: not in the table", text)
+        self.assertEqual(ran, ["c=0.5"])
+        text, ran = self.parts_that_run(table, "a=0.25,b=0.5")
+        self.assertIn(f"{PARTS}#b: films differ from those proved at c0ffee", text)
+        self.assertEqual(ran, ["b=0.5"])
+        _, ran = self.parts_that_run(table, "a=0.25,b=0.75", shared="0.25")
+        self.assertEqual(ran, ["a=0.25", "b=0.75"])
 
     def test_the_committed_table_is_whole(self):
         code, text, _ = self.run_subject("table=" + os.environ["CANDELA_PROOFS_TABLE"])

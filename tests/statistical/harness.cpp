@@ -92,8 +92,16 @@ std::string identity(const TestScene& scene) {
   const JobSettings& s = scene.settings;
   std::string text = fmt::format("{} {}x{} {}\n{} {} {}\n", s.integrator, s.width, s.height, scene.main_key,
                                  s.filter, s.sampler, s.aovs);
-  for (const SettingsMap* settings : {&s.integrator_settings, &s.filter_settings})
-    for (const auto& [name, value] : *settings) text += fmt::format("{}={}\n", name, value);
+  // Settings at their defaults are left out: a new one then is no new job. A default that changes is seen in
+  // the films.
+  const auto known = render::integrator_settings(s.integrator);
+  if (!known.ok()) give_up(known.error());
+  for (const auto& [name, value] : s.integrator_settings) {
+    const auto found = std::find_if(known->begin(), known->end(),
+                                    [&](const render::SettingDoc& one) { return one.name == name; });
+    if (found == known->end() || found->default_value != value) text += fmt::format("{}={}\n", name, value);
+  }
+  for (const auto& [name, value] : s.filter_settings) text += fmt::format("{}={}\n", name, value);
   const auto bytes = scene.files->open(scene.main_key);
   if (!bytes.ok()) give_up(bytes.error());
   return text + std::string(bytes->view);
