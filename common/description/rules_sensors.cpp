@@ -211,7 +211,7 @@ PluginRule integrator_rule(const words::IntegratorWords& integrator, std::vector
 
 }  // namespace
 
-// The order is that of docs/scenes.md.
+// The order is that of docs/plugins.md.
 void add_integrators(std::vector<PluginRule>& table) {
   table.push_back(integrator_rule(
       words::kPath, {ignored("use_spectral_mis", {boolean}, "volpathmis: always done")},

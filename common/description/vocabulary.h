@@ -69,7 +69,7 @@ std::vector<std::string_view> property_names(const PluginRule& plugin);
 std::optional<double> named_index_of_refraction(std::string_view name);
 std::vector<std::string_view> index_of_refraction_names();
 
-// The page docs/scenes.md: what the loader understands, from the table it obeys.
+// The page docs/plugins.md: what the loader understands, from the table it obeys.
 std::string support_table_markdown();
 
 }  // namespace candela::description
