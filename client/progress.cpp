@@ -149,7 +149,7 @@ std::string format_progress(const v1::JobStatus& status) {
   if (running && status.worker_memory_bytes() > 0)
     parts.push_back("memory " + format_bytes(status.worker_memory_bytes()));
   if (!running) parts.emplace_back(wire::name(status.state()));
-  // Of a running job too: that it waits for a worker or for room on a disk.
+  // A running job may wait too: for a worker, or for room on a disk.
   if (!status.message().empty()) parts.push_back(printable(status.message()));
   // Never 100% before the end.
   const int percent = status.state() == v1::JOB_STATE_DONE

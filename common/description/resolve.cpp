@@ -336,7 +336,7 @@ class Resolver {
       passed_over_.push_back({{error.file, error.line}, fmt::format("{}: {}", error.message, instead)});
   }
 
-  // Whether an object that stands in for another can take the child beside those it has.
+  // True if an object that stands in for another can take the child beside those it has.
   static bool fits(const Object& object, const PluginRule& rule, const Child& child) {
     const auto& categories = rule.child_categories;
     if (child.object->category == "texture" &&

@@ -25,7 +25,7 @@ struct Finding {
   std::uint64_t count = 1;  // of the places that the same is true of; `where` is the first
 };
 std::string_view name(Finding::Kind kind);
-// Whether it is one of the first two kinds. The others are notes.
+// True if it is one of the first two kinds. The others are notes.
 bool is_warning(Finding::Kind kind);
 
 struct Review {

@@ -21,8 +21,8 @@ enum class SpectrumUse {
   unbounded     // of one that does not (indices of refraction, extinction)
 };
 
-// Of a parameter as it is written: old names that the upgrade has yet to translate are told apart by their
-// last word.
+// Use of a parameter as it is written: the last word tells old names apart that the upgrade has yet to
+// translate.
 SpectrumUse spectrum_use(const Object& object, std::string_view name);
 
 struct ConvertedSpectrum {

@@ -75,7 +75,7 @@ class ImageCodec {
 // Loaded once.
 Result<const ImageCodec*> image_codec();
 
-// Whether the module is there, without loading it: a worker should know before it serves for a night.
+// Fails if the module is not there; loads nothing: a worker should know before it serves for a night.
 Result<void> check_image_module();
 
 }  // namespace candela::image

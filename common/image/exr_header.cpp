@@ -36,7 +36,7 @@ class HeaderWalk {
   ByteSource& source_;
   std::uint64_t at_ = 0;
   std::uint32_t flags_ = 0;
-  // Of the part.
+  // The data window of the part.
   std::array<std::int32_t, 4> window_{};
   std::array<std::uint32_t, 2> tile_{};  // 0: not said
   std::uint8_t compression_ = 0;

@@ -28,7 +28,7 @@ class Roles {
   constexpr void add(Role role) { bits_ |= bit(role); }
   constexpr bool empty() const { return bits_ == 0; }
   constexpr bool has(Role role) const { return (bits_ & bit(role)) != 0; }
-  // Whether these roles, with the ones they include, have `role`.
+  // True if these roles, with the ones they include, have `role`.
   constexpr bool allow(Role role) const {
     if (has(role)) return true;
     if (role == Role::submit) return has(Role::operate);

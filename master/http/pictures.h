@@ -64,7 +64,7 @@ class Picture {
   // above.
   using Develop = std::function<std::vector<float>(std::size_t layer)>;
   Picture(std::uint32_t width, std::uint32_t height, Facts facts, const Develop& develop);
-  // Of all its levels and tiles.
+  // Bytes of all its levels and tiles.
   static std::uint64_t memory_bytes(std::uint32_t width, std::uint32_t height);
   static std::uint64_t mix_memory_bytes(std::uint32_t width, std::uint32_t height, std::size_t layers);
   std::uint64_t iterations() const { return facts_.iterations; }

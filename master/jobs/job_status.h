@@ -44,11 +44,11 @@ struct JobStatus {
 
   std::uint64_t iterations() const { return row.iterations_of(row.iterations); }
   std::uint64_t checkpoint_iterations() const { return row.iterations_of(row.checkpoint_iterations); }
-  // Of the film beside the image; of chains without the one that is part of the image.
+  // Layers of the film beside the image; for chains without the one that is part of the image.
   std::vector<std::string> layers() const;
   // Samples, by film::RejectCause.
   std::array<std::uint64_t, film::kRejectCauses> rejected() const;
-  // Of a job of chains. b is NaN before the bootstrap is complete.
+  // For a job of chains. b is NaN before the bootstrap is complete.
   chains::Normalisation normalisation() const;
 };
 

@@ -265,12 +265,12 @@ class Scheduler {
   // `units`: of the worker, by job.
   void taint(const std::string& who, const std::map<std::string, std::uint64_t>& units,
              const std::set<std::string>& only, Now now);
-  // Of a dispute that nobody has decided; empty: there is none.
+  // Text about a dispute that nobody has decided; empty: there is none.
   std::string dispute_text(const Job& job) const;
 
   // --- epochs ---
   std::vector<EpochJob> epoch_jobs() const;
-  // Whether this is the state of its epoch, as far as one is known. If it is not, the job fails: the sums
+  // True if this is the state of its epoch, as far as one is known. If it is not, the job fails: the sums
   // have changed.
   bool agrees(const StateRow& row, Now now);
   // The state of an epoch is decided, and its bytes are in the blob store. No effect unless it agrees and is
@@ -400,7 +400,7 @@ class Scheduler {
   bool end_if_stuck(Job& job, WorkPhase phase, Now now);
   // Cuts units of lower priority where a job waits that no idle worker serves.
   void ask_cuts(Now now);
-  // Of jobs below this priority. False: all are cut already.
+  // Cuts leases of jobs below this priority. False: all are cut already.
   bool cut_leases(const WorkerState& worker, std::int64_t below_priority);
   // The highest priority among the jobs of the worker's leases; the lowest number if it has none.
   std::int64_t highest_priority(const WorkerState& worker);
@@ -449,7 +449,7 @@ class Scheduler {
   bool lives(const WorkerState& worker, Now now) const;
   // Distinct workers that live and could run the job, those set aside included if `all`.
   std::set<std::string> able_workers(const Job& job, bool all, Now now) const;
-  // Whether the unit is for others to try: this worker failed at it, and one that did not could have it.
+  // True if the unit is for others to try: this worker failed at it, and one that did not could have it.
   bool barred(const Job& job, const UnitState& unit, const WorkerState& worker, Now now) const;
   bool offered(const Job& job, const UnitState& unit, const WorkerState& worker, Now now) const {
     return unit.leases.empty() && !unit.waits(now.seconds) && !barred(job, unit, worker, now) &&

@@ -54,7 +54,7 @@ void Scheduler::give_up_stuck(Now now) {
   for (const auto& [token, lease] : leases_)
     if (computes(lease) && now.seconds - lease.stepped > options_.stuck_seconds) {
       const auto worker = workers_.find(lease.row.worker_id);
-      // Of a worker that is not heard of nobody knows whether it goes on.
+      // A silent worker may or may not go on: nobody knows.
       if (worker != workers_.end() && now.seconds - worker->second.last_seen < options_.lease_seconds)
         stuck.push_back(token);
     }

@@ -119,7 +119,7 @@ struct Job {
   std::uint64_t under_way = 0;  // workers whose oldest lease is one of these: they compute it
   double unleased_since = 0;    // of a job without leases
   double last_saved = 0;
-  // Of a job that ends by its error: the prefix that is to be looked at next, in rounds of a half
+  // For a job that ends by its error: the prefix that is to be looked at next, in rounds of a half
   // (prefixes.h); 0: none. The version changes whenever that may.
   std::uint64_t prefix = 0, prefix_version = 0;
   std::uint64_t units_ahead = 0;  // merged beyond it
@@ -127,7 +127,7 @@ struct Job {
 
   std::unique_ptr<UnitSource> source;  // of the present stage
 
-  // Of a job of chains.
+  // For a job of chains.
   std::vector<std::uint64_t> starts;  // of each chain: a bootstrap sample
   std::size_t record_bytes = 0;       // of the largest chain record seen
   std::uint64_t reported_stay = 0;    // the longest stay of a chain that an event has reported
@@ -178,7 +178,7 @@ struct Job {
   // What it does not ask for below target().
   HalfSets unwanted() const;
   PrefixBorder border() const;
-  // Whether the stop rule's number of iterations may end the job: all prefixes up to there are decided.
+  // True if the stop rule's number of iterations may end the job: all prefixes up to there are decided.
   bool prefixes_done() const;
   // Nothing of what it has lost lies beyond the prefix.
   bool prefix_has_promised() const;

@@ -148,7 +148,7 @@ struct UnitRow {
   std::string worker_id;    // who delivered it
   std::uint64_t token = 0;  // with which lease
   double seconds = 0;       // render time of the merged delta
-  // Of a merged unit: who brought this content, by identity (audit.h), the deliverer first; and the SHA-256
+  // For a merged unit: who brought this content, by identity (audit.h), the deliverer first; and the SHA-256
   // of the merged delta. Empty: not known.
   std::vector<std::string> by;
   std::string sha256;

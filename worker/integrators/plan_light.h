@@ -16,7 +16,7 @@ enum class Finds : std::uint8_t {
   eye_paths,    // by eye paths that happen to hit an emitter
   connections,  // by light paths too, but for what meets the eye over glass again
 };
-// Whether an integrator mollifies light that it cannot sample (regularise.h).
+// Mollification of light that an integrator cannot sample (regularise.h).
 enum class Mollifies : std::uint8_t {
   never,  // it has no such setting
   if_asked,

@@ -376,7 +376,7 @@ std::vector<T> joined(std::vector<Part>& parts, std::vector<T> Part::*member) {
   return out;
 }
 
-// Whether every corner has index i of the other kind exactly where it has position i, or none has any.
+// True if every corner has index i of the other kind exactly where it has position i, or none has any.
 bool same_as_positions(const std::vector<Part>& parts, Corners Part::*member) {
   std::size_t present = 0, all = 0;
   for (const Part& part : parts) {

@@ -298,7 +298,7 @@ class Cutter {
   }
 
  private:
-  // Of a fan, in order.
+  // Takes the corners of a fan, in order.
   void take_corners(const Triangles& triangles, const Polygon& polygon) {
     const auto* const fan = triangles.data() + polygon.first_triangle;
     corners_.assign({fan[0][0], fan[0][1]});

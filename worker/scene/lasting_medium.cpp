@@ -43,7 +43,7 @@ std::vector<Bounds> boxes(const Media& media, const Geometry& geometry) {
   return largest;
 }
 
-// Of one channel.
+// For one channel.
 LastingMedium lasting(double sigma_t, double albedo, double mean_cosine, const Bounds& box) {
   if (box.empty()) return {albedo * albedo, std::numeric_limits<double>::infinity()};
   const double reduced = sigma_t * (1 - mean_cosine);

@@ -87,7 +87,7 @@ class Mover {
         transform::multiply(transform::translate(triple(-middle)), out.get_transform("to_world")));
   }
 
-  // Whether it changed `out`, a copy of `object`.
+  // True if it changed `out`, a copy of `object`.
   bool place(Object& out, const Object& object, const Object* group) const {
     const Vec3d middle = middle_of(group);
     const bool here = middle.x == 0 && middle.y == 0 && middle.z == 0;

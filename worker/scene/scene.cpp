@@ -24,7 +24,7 @@ struct Scene::Impl : SceneData {
 };
 
 namespace {
-// Whether the scene's integrator asks for it. Integrators that Candela lacks keep unchecked properties.
+// True if the scene's integrator asks for it. Integrators that Candela lacks keep unchecked properties.
 bool strict_normals(const description::Object& root) {
   const auto integrators = root.children_of("integrator");
   if (integrators.empty()) return false;

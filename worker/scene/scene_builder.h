@@ -104,9 +104,9 @@ class SceneBuilder {
     bool place = false;                   // more of a surface than (u, v)
     std::vector<std::string> attributes;  // of meshes, each once
   };
-  // Of a shape: without the shapes that it holds.
+  // For a shape: without the shapes that it holds.
   TextureUse texture_use(const description::Object& object);
-  // Of an object that the scene keeps: each is walked once, however often it is referred to.
+  // For an object that the scene keeps: each is walked once, however often it is referred to.
   const TextureUse& texture_use_of_part(const description::Object& object);
 
   // Reads the meshes whose attributes textures look at, so that the textures' bounds are known.

@@ -102,7 +102,7 @@ class FarmWorker final : public Worker {
     Sums sums;
     film::DeltaInfo info;
     double render_seconds = 0;
-    // Of its delivery, by the push thread alone but for `not_before`.
+    // Delivery; only the push thread writes it, but for `not_before`.
     std::string bytes;  // empty: not encoded yet
     std::optional<v1::DeltaHeader> header;
     std::optional<Backoff> backoff;

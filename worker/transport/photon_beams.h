@@ -37,7 +37,7 @@ struct PhotonBeam {
   std::uint32_t first_step, step_count;
 };
 
-// Whether beams are made in a medium: those that scatter.
+// True if beams are made in a medium: those that scatter.
 inline bool has_beams(const scene::Medium& medium) {
   return (medium.max_sigma_t() * medium.max_albedo()).max_component() > 0;
 }

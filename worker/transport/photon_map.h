@@ -109,7 +109,7 @@ class PhotonMap {
   Result<void> build(std::span<const PhotonBuffer<Block>* const> chunks, float radius, unsigned threads);
 
   std::size_t size() const { return photons_.size(); }
-  // Of a photon that collect() found.
+  // Precondition: collect() found the photon.
   Vec3 position(const Photon<Block>& photon) const {
     return search_.position(static_cast<std::uint32_t>(&photon - photons_.data()));
   }
@@ -148,8 +148,8 @@ class PhotonMap {
   };
   void announce(Vec3 p, float radius) const { search_.announce(p, radius); }
   void find(Vec3 p, float radius, Query& query) const { search_.find(p, radius, query); }
-  // Calls visit(photon, squared distance) for the first ones where there are more than Hits can hold; those
-  // that are left in `hits` are the caller's to visit. The order depends on the photons alone.
+  // Collects up to kMost photons into `hits`. On overflow it calls visit(photon, squared distance) for full
+  // batches; the caller visits the rest. The order depends on the photons alone.
   template <class Visit>
   void collect(const Query& query, Hits& hits, Visit&& visit) const {
     hits.count = 0;

@@ -91,7 +91,7 @@ class RangeSearch {
     std::uint32_t begin, end;  // slots
   };
   static constexpr int kMaxRows = 16;
-  // Of cells; empty where x0 > x1.
+  // A box of cells; empty if x0 > x1.
   struct CellBox {
     std::int32_t x0 = 0, x1 = -1, y0 = 0, y1 = -1, z0 = 0, z1 = -1;
     std::int64_t rows() const { return std::int64_t{y1 - y0 + 1} * std::int64_t{z1 - z0 + 1}; }

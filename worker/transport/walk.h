@@ -88,7 +88,7 @@ class Walk {
   Step scatter(Vertex& v);
 
   const scene::EmissionSample& origin() const { return origin_; }
-  // Whether draws at this vertex should be stratified.
+  // True if draws at this vertex should be stratified.
   bool stratified() const { return scatterings_ < kStratifiedVertices; }
   // The random numbers of the present vertex.
   VertexDraws<SamplerT> draws() const { return {sampler_, block_, stratified()}; }

@@ -30,7 +30,7 @@ struct ShapeEntity {
   ObjectPtr emitter;                                   // null: it does not glow
   std::int64_t curve_count = 1;  // of directives that follow each other, if it is a curve
 
-  // Whether a directive of the same state may be read together with this one: both are curves that differ in
+  // True if a directive of the same state may be read together with this one: both are curves that differ in
   // nothing but their geometry.
   bool joins(const ShapeEntity& other) const;
 };

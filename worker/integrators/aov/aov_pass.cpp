@@ -104,7 +104,7 @@ class Eye {
     return false;
   }
 
-  // Whether the ray goes on straight. If not, the albedo: what a sample of the bsdf sends back into all
+  // True if the ray goes on straight. If not, the albedo: what a sample of the bsdf sends back into all
   // directions. Importance knows no factor of refraction, so glass has the albedo of its color.
   bool passes(const Ray& ray, std::uint32_t pass, Seen& seen, Spectrum& passed) {
     const Vec3 wo = seen.hit.shading.to_local(-ray.direction);

@@ -78,7 +78,7 @@ class FilmSink {
   transport::Splatter splatter_;
   float each_;
 
-  // Of the eye path under way.
+  // The eye path under way.
   Spectrum sum_;
   std::uint32_t x_ = 0, y_ = 0;
   float scale_ = 1;

@@ -7,7 +7,7 @@
 
 namespace candela::integrators {
 
-// Of small steps in primary sample space.
+// Small steps in primary sample space.
 struct PrimarySettings {
   double step_least = 1.0 / 1024;
   double step_most = 1.0 / 64;
@@ -49,7 +49,7 @@ struct ChainSettings {
           "with direct=path: eye samples per pixel in one round");
   }
 };
-// Of chains that mollify what their estimator cannot sample.
+// For chains that mollify paths that their estimator cannot sample.
 struct ChainRegulariseSettings : RegulariseSettings {
   Choice schedule{"power", {"power", "geometric"}};
 

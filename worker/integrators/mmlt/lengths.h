@@ -12,7 +12,7 @@ namespace candela::integrators::mmlt {
 
 class Lengths {
  public:
-  // Of least to most edges, least <= most.
+  // Paths of least to most edges, least <= most.
   Lengths(std::uint32_t least, std::uint32_t most);
 
   struct Choice {

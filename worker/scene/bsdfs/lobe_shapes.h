@@ -12,7 +12,7 @@ struct LobeShape {
   bool transmitted = false;
   // Roughness of facets, the smaller one of an anisotropic lobe; 0: a delta lobe; 1: a diffuse lobe.
   double alpha = 1;
-  // Of transmission: the index beyond the surface over that on wo's side. 1: light is not bent.
+  // For transmission: the index beyond the surface over that on wo's side. 1: light is not bent.
   double eta = 1;
 };
 

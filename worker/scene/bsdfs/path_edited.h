@@ -28,7 +28,7 @@
 
 namespace candela::scene {
 
-// Of a scene, which outlives it.
+// Edits of a scene, which must outlive this object.
 struct PathEdits {
   edits::PathStates of_light, of_eye;
   const SceneEdits* edits;
@@ -73,7 +73,7 @@ class EditedWalk {
   Spectrum share_at_lamp(std::uint32_t emitter) const { return left_.share[at_lamp(emitter)]; }
   Spectrum share_at_eye() const { return left_.share[all_.of_eye.at_eye()]; }
 
-  // Of the closure.
+  // The same of the closure.
   ClosureTraits traits() const;
   Spectrum eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, const float* diffuse_below, float& pdf) const;
   bool sample(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
@@ -123,7 +123,7 @@ class EditedWalk {
   Closure nested_;
   EditedClosure base_{};  // without treatments
   bool plain_ = true;     // no state has an edit here
-  // Of the lobes that are not delta: all are of one letter, which tells states apart; else they lead to the
+  // True: all lobes that are not delta have one letter, which tells states apart; else they lead to the
   // same states.
   bool one_letter_ = false;
   Lobe letter_ = diffuse;

@@ -21,7 +21,7 @@ enum class DirectOutcome : std::uint8_t {
             // chosen has no density per solid angle (seen from behind). DirectSample is not filled
 };
 
-// Whether light from wi counts at a scattering side `front` (see Scene::sample_direct; zero: both sides).
+// True if light from wi counts at a scattering side `front` (see Scene::sample_direct; zero: both sides).
 inline bool faces(Vec3 front, Vec3 wi) {
   return (front.x == 0 && front.y == 0 && front.z == 0) || dot(front, wi) > 0;
 }

@@ -123,7 +123,7 @@ class EmitterSet {
       return std::nullopt;
     });
   }
-  // Whether a surface sends any light to p.
+  // True if a surface sends any light to p.
   bool reaches(std::uint32_t i, Vec3 p) const {
     return visit(i, [&](const auto& e) {
       if constexpr (requires { e.reaches(p); }) return e.reaches(p);

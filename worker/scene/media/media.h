@@ -41,7 +41,7 @@ class Media {
 
   // The index of a medium; one object is built once, however often it is referred to.
   Result<std::uint32_t> add(const description::ObjectPtr& medium, const description::FileSource& files);
-  // Of the children `interior` and `exterior` of a shape; kNone where it has neither.
+  // Adds the children `interior` and `exterior` of a shape; kNone if it has neither.
   Result<std::uint32_t> add_interface(const description::Object& shape, const description::FileSource& files);
 
  private:

@@ -65,7 +65,7 @@ class Medium {
     bool gray_;
   };
 
-  // Of the ray up to its t_max: exact where homogeneous, else an unbiased estimate in [0, 1].
+  // Transmittance of the ray up to its t_max: exact if homogeneous, else an unbiased estimate in [0, 1].
   Spectrum transmittance(const Ray& ray, rng::Stream& stream) const;
 
   Spectrum sigma_t(Vec3 p) const;

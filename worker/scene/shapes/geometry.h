@@ -100,7 +100,7 @@ struct Geometry {
   void add(Shape shape, ShapeRecord record);
   // Shapes added from here on are those of a new group; its index.
   std::uint32_t begin_group();
-  // Of a group that is complete. Its bounds may not be empty, the transform not singular.
+  // Precondition: the group is complete, its bounds are not empty, the transform is not singular.
   void add_instance(std::uint32_t group, const Transform& to_world);
   void finish();
 

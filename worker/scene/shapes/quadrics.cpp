@@ -38,7 +38,7 @@ bool roots(Vec3d f, Vec3d d, double radius, double& near, double& far) {
   const double rest = radius * radius - dot(closest, closest);
   if (!(rest >= 0)) return false;
   const double half = std::sqrt(rest / a);
-  // Of the two roots the one far from zero is sure; the other follows from their product, which is exact near
+  // The root far from zero is sure; the other one follows from the product of both, which is exact near
   // the surface.
   const double product = (dot(f, f) - radius * radius) / a;
   const double sure = b >= 0 ? b + half : b - half;

@@ -101,7 +101,7 @@ class TextureStore {
   Scratch& scratch() { return scratch_; }
 
   std::uint32_t texture_count() const { return static_cast<std::uint32_t>(textures_.size()); }
-  // Of decoded texels: in memory, and in the scratch file.
+  // Bytes of decoded texels: in memory, and in the scratch file.
   std::uint64_t memory_bytes() const { return scratch_.memory_bytes(); }
   std::uint64_t file_bytes() const { return scratch_.file_bytes(); }
 

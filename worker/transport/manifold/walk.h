@@ -53,7 +53,7 @@ std::vector<Vec3d> predicted_places(const Chain& chain, std::span<const Pair> st
 Walked walk(Chain& chain, std::span<const Pair> targets, std::span<const double> tolerances,
             const Surfaces& surfaces, const WalkRules& rules);
 
-// Whether the walk from `moved` to the slopes `back` of `start`, with the ends of `start`, arrives there. A
+// True if the walk from `moved` to the slopes `back` of `start`, with the ends of `start`, arrives there. A
 // mutation that fails this test is rejected; without it detailed balance does not hold.
 bool returns(const Chain& moved, const Chain& start, std::span<const Pair> back,
              std::span<const double> tolerances, const Surfaces& surfaces, const WalkRules& rules);

@@ -48,7 +48,7 @@ class Evaluation {
   std::array<double, 3> estimator_value(const Technique& technique) const;
 
  private:
-  // Of an edge, from the light to the eye: stretches of one medium, and surfaces passed between them.
+  // Parts of an edge, from the light to the eye: stretches of one medium, and surfaces passed between them.
   struct Stretch {
     std::uint32_t medium = scene::kNone;
     double length = 0;
@@ -76,7 +76,7 @@ class Evaluation {
   bool evaluate_ends();
   std::array<double, 3> transmittance(const Edge& edge) const;
   std::array<double, 3> emitted() const;
-  // Of the light's (eye's) walk making its first `count` vertices.
+  // Density with which the light's (eye's) walk makes its first `count` vertices.
   Scaled walk_density(bool from_light, std::size_t count) const;
   enum class Arrival : std::uint8_t { surface, medium, lens };
   Scaled fly(bool from_light, std::size_t edge, Arrival arrival, bool expects_passes,

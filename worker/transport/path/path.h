@@ -25,7 +25,7 @@ inline constexpr std::size_t kKinds = 7;
 
 struct PathVertex {
   Kind kind = Kind::surface;
-  // Of a surface: the path turns here by a delta lobe, which transmits or reflects. Two paths that differ in
+  // Surfaces: the path turns here by a delta lobe, which transmits or reflects. Two paths that differ in
   // a flag alone are two states.
   bool delta = false, transmitted = false;
   std::uint32_t object = scene::kNone;  // the index of the emitter, or of the medium

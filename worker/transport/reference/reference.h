@@ -27,7 +27,7 @@ struct Counts {
   // The same of beams: number of light paths times the effective area or length. First the light's entity,
   // then the eye's.
   double point_beam = 0, beam_point = 0, beam_beam = 0;
-  // Whether light's and the eye's beams in a medium are long, by its number; beyond: they are short.
+  // True: light's and the eye's beams in the medium of this number are long; beyond: they are short.
   std::vector<bool> long_photon_beams = {}, long_query_beams = {};
   static bool in(const std::vector<bool>& media, std::uint32_t medium) {
     return medium < media.size() && media[medium];

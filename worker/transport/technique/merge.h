@@ -182,7 +182,7 @@ class Gather {
     if constexpr (requires(Statistics s) { s.place(at); }) statistics_.place(at);
     if constexpr (Statistics::kCollects) statistics_.begin();
   }
-  // Of the path, up to the last vertex that is finished.
+  // Statistics of the path, up to the last vertex that is finished.
   const Statistics& statistics() const { return statistics_; }
 
   // Asks for what start() reads of the memory, for an eye's vertex that is connectible.
@@ -226,7 +226,7 @@ class Gather {
 
  private:
   enum class Step : std::uint8_t { none, found, collected };
-  // Of the search.
+  // Radius of the search.
   float radius_for(const ScatterPoint& v) const {
     const float radius = v.on_surface() ? scale_->disc_radius : scale_->ball_radius;
     if constexpr (Statistics::kReaches) return std::max(radius, statistics_.reach(v.on_surface()));

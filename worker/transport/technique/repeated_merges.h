@@ -13,7 +13,7 @@
 
 namespace candela::transport {
 
-// Whether the eye path of this key is of the sample: one of 128.
+// True if the eye path of this key is of the sample: one of 128.
 inline bool counts_repeats(std::uint64_t sample_key) {
   constexpr std::uint64_t kStream = 0x726570656174;  // "repeat"
   return rng::combine(sample_key, kStream) % 128 == 0;
