@@ -27,7 +27,7 @@ std::size_t terminal_columns() {
   return 80;
 }
 
-// What is known of b: "b 0.5123 +- 0.02 %".
+// Text about b: "b 0.5123 +- 0.02 %".
 std::string b_text(const v1::ChainStatus& chains) {
   const double relative = chains.b() > 0 ? 100 * chains.b_standard_error() / chains.b() : 0;
   return fmt::format("b {:.4g} +- {:.1g} %", chains.b(), relative);

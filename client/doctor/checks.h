@@ -1,4 +1,4 @@
-// What `candela doctor` looks at. Each check tells what is there, whether it is fit, and if not what to do.
+// Checks of `candela doctor`. Each check tells what is there, whether it is fit, and if not what to do.
 #pragma once
 
 #include <cstdint>

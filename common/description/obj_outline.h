@@ -1,4 +1,4 @@
-// What an OBJ file and its library say of materials, without the geometry.
+// Materials of an OBJ file and its library, without the geometry.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// What a scene uses, and what of it a reader of Mitsuba's documentation would not expect here.
+// Lists what a scene uses, and the part that a reader of Mitsuba's documentation would not expect here.
 #pragma once
 
 #include <cstdint>

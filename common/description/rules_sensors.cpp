@@ -259,7 +259,7 @@ void add_integrators(std::vector<PluginRule>& table) {
 
 namespace {
 
-// What all sensors have.
+// Parameters of all sensors.
 std::vector<PropertyRule> sensor_properties(PropertyRule to_world) {
   return {std::move(to_world),
           positive("near_clip", "distance of the near plane along the view in scene units (default 0.01)"),

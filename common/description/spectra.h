@@ -12,7 +12,7 @@
 
 namespace candela::description {
 
-// What a spectrum is given for. Light is weighed by the observer alone; everything else also by D65, the
+// Use of a spectrum. Light is weighed by the observer alone; everything else also by D65, the
 // white of Rec.709, so that a flat spectrum has a neutral color. All are clamped to 0 below, reflectances to
 // 1 above.
 enum class SpectrumUse {

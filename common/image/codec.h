@@ -1,4 +1,4 @@
-// What a reader of image files is, and the module (base/module.h) that has those of other formats than
+// Interface of readers of image files, and the module (base/module.h) that has those of other formats than
 // OpenEXR and PNG: OpenImageIO brings 260 libraries, and loading them takes a third of a second of processor
 // time.
 #pragma once

@@ -30,7 +30,7 @@ class HeaderWalk {
   // A text of `text` and its zero; false if it is longer than any name.
   bool get_name(std::string& text);
   bool read_attribute(const std::string& name);
-  // How many chunks the part that ends here has, at least.
+  // Minimum number of chunks of the part that ends here.
   std::uint64_t chunks() const;
 
   ByteSource& source_;

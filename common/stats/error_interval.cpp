@@ -186,7 +186,7 @@ Means means_of(const Halves& halves) {
   return means;
 }
 
-// How far the sum of the energies may be below what is expected.
+// Maximum shortfall of the sum of the energies below its expectation.
 double excess(const std::vector<Bands::Band>& bands) {
   double squares = 0;
   for (const Bands::Band& band : bands) {

@@ -1,4 +1,4 @@
-// What a caller of the master may do. docs/decisions/077-roles.md
+// Permissions of callers of the master. docs/decisions/077-roles.md
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// What Prometheus sees. Figures are gathered when it asks.
+// Metrics for Prometheus. Figures are gathered when it asks.
 #include <prometheus/counter.h>
 #include <prometheus/gauge.h>
 #include <prometheus/registry.h>

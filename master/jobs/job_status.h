@@ -1,4 +1,4 @@
-// How jobs and workers stand, as clients and the page are told. The services turn it into messages
+// Status of jobs and workers, as clients and the page are told. The services turn it into messages
 // (master/api/messages.h).
 #pragma once
 
@@ -16,7 +16,7 @@
 
 namespace candela::master {
 
-// How a job of epochs stands: the newest state that is decided, and the statistics behind the decisions.
+// Status of a job of epochs: the newest state that is decided, and the statistics behind the decisions.
 struct EpochStatus {
   std::uint64_t epoch = 0;                            // of the newest decided state
   std::uint64_t first_iteration = 0, iterations = 0;  // of this epoch

@@ -496,7 +496,7 @@ Result<JobFilm::Checkpoint> JobFilm::checkpoint(Room& room) {
   Saved saved;
   Result<void> encoded = within_memory("the film cannot be copied", [&] { return encode_copy(room, saved); });
   if (!encoded.ok()) {
-    // What other jobs left here may be all that is missing.
+    // Memory that other jobs left here may be all that is missing.
     room = {};
     encoded = within_memory("the checkpoint cannot be made", [&] { return encode_in_place(room, saved); });
   }

@@ -41,7 +41,7 @@ constexpr double kAuditShare = 0.01;
 
 constexpr const char* kProgram = "candela-master";
 
-// What leases, rows and messages may still take where the system gives no more: some seconds of a large farm.
+// Memory for leases, rows and messages when the system gives no more: some seconds of a large farm.
 constexpr std::size_t kReserveBytes = 32 << 20;
 
 // A connection is a file, and the limit that processes start with is often 1024: a thousand workers reach it.

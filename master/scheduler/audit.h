@@ -57,7 +57,7 @@ struct Audit {
   bool told = false;                 // an event has told of the dispute
 
   const AuditAnswer* of(std::string_view worker) const;
-  // What tells answers apart: contents, or bytes of which no content is known.
+  // Key that tells answers apart: contents, or bytes of which no content is known.
   std::string key(const AuditAnswer& answer) const;
   std::string merged_key() const;
   bool disputed() const;
@@ -93,7 +93,7 @@ enum class Reception : std::uint8_t {
   refused,  // it is false, and its worker distrusted from now on
 };
 
-// What audits leave to those who can read the store and the films.
+// Tasks of audits that need the store and the films.
 struct AuditWork {
   struct Doubt {
     std::string job_id;
@@ -109,7 +109,7 @@ struct AuditWork {
   std::vector<Tainting> taints;   // taint() wants the jobs of these workers
 };
 
-// What an ended job says of a worker that is distrusted.
+// Mark of an ended job about a distrusted worker.
 std::string taint_text(const Taint& taint);
 
 }  // namespace candela::master

@@ -1,4 +1,4 @@
-// Which unit comes next, and how large it is.
+// Cuts the next unit, and chooses its size.
 #include <algorithm>
 #include <limits>
 

@@ -154,7 +154,7 @@ void Scheduler::ask_cuts(Now now) {
   }
   if (places.empty()) return;
   const double per_worker = threads / static_cast<double>(places.size());
-  // Those of the least priority first, and of these those that would be busy for longest.
+  // Units of the lowest priority first, and among them those that would take longest.
   std::stable_sort(places.begin(), places.end(), [](const Place& a, const Place& b) {
     return a.priority != b.priority ? a.priority < b.priority : a.end > b.end;
   });

@@ -1,4 +1,4 @@
-// What the scheduler keeps of leases, units, jobs and workers. Its source files change it, under one lock.
+// State of leases, units, jobs and workers in the scheduler. Its source files change it, under one lock.
 #pragma once
 
 #include <array>
@@ -47,7 +47,7 @@ struct Lease {
   double stepped = 0;  // when the steps last grew
 };
 
-// What a heartbeat says of one unit.
+// Report of a heartbeat about one unit.
 struct UnitReport {
   UnitReport(std::uint64_t of_token, std::optional<WorkPhase> in_phase = {}, std::uint64_t so_many_steps = 0)
       : token(of_token), phase(in_phase), steps(so_many_steps) {}
@@ -78,13 +78,13 @@ struct UnitState {
   bool waits(double seconds) const { return trouble && trouble->retry_at > seconds; }
 };
 
-// How a worker has fared with a job since it last delivered something of it.
+// Failures of a worker with a job since its last delivery for the job.
 struct Standing {
   std::uint32_t failures = 0;  // in a row
   double retry_at = 0;         // earliest retry of the job on this worker
 };
 
-// How far a job had come at some time.
+// Progress of a job at some time.
 struct Progress {
   double seconds = 0;
   std::uint64_t samples = 0, indices = 0;
@@ -175,7 +175,7 @@ struct Job {
   std::uint64_t target(std::uint32_t half) const;
   // The same without exact indices, and while it does not end level.
   std::uint64_t limit(std::uint32_t half) const;
-  // What it does not ask for below target().
+  // Indices below target() that it does not ask for.
   HalfSets unwanted() const;
   PrefixBorder border() const;
   // True if the stop rule's number of iterations may end the job: all prefixes up to there are decided.

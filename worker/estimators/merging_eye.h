@@ -94,7 +94,7 @@ class VcmEye : public transport::EyeTechniques {
     return sum_;
   }
 
-  // Of the path that was traced last.
+  // Statistics of the path that was traced last.
   const Statistics& statistics() const { return gather_.statistics(); }
   Spectrum merged() const { return merged_; }
   transport::LayerSums* layer_sums() { return reads_letters() ? &letters_->sums() : nullptr; }
@@ -263,7 +263,7 @@ class PpmEye : public transport::EyeTechniques {
     return sum_;
   }
 
-  // Of the path that was traced last.
+  // Statistics of the path that was traced last.
   const Statistics& statistics() const { return gather_.statistics(); }
   Spectrum merged() const { return merged_; }
   transport::LayerSums* layer_sums() { return reads_letters() ? &letters_->sums() : nullptr; }

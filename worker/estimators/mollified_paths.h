@@ -96,7 +96,7 @@ class MollifiedPaths {
   }
 
  private:
-  // Where the edge under way began; not finite: infinitely far away.
+  // Start of the edge under way; not finite: infinitely far away.
   struct Start {
     Vec3d place;
     bool finite = true;

@@ -31,8 +31,8 @@ struct RegulariseSettings {
   }
 };
 
-// What runs in a scene, and its bandwidths. Bandwidths are a function of the settings, the scene and the
-// sample's index in the job.
+// Tells if it runs in a scene, and its bandwidths. Bandwidths are a function of the settings, the scene and
+// the sample's index in the job.
 class Regularization {
  public:
   Regularization() = default;

@@ -22,7 +22,7 @@ namespace {
 constexpr std::uint32_t kAbsent = 0xffffffffu;
 constexpr std::size_t kPartBytes = std::size_t{1} << 20;
 
-// How many of each there are.
+// Numbers of each kind.
 struct Counts {
   std::size_t positions = 0, uvs = 0, normals = 0, lines = 0;
 };

@@ -95,7 +95,7 @@ class Outline {
     while (alive_ > 3) {
       const std::uint32_t before = alive_;
       if (!pass(true, out)) return false;
-      // What has no ear crosses itself.
+      // A polygon without an ear crosses itself.
       if (alive_ == before && !pass(false, out)) return false;
     }
     out.push_back(triangle_at(first_alive()));

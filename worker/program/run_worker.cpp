@@ -39,7 +39,7 @@ constexpr const char* kProgram = "candela-worker";
 constexpr std::chrono::seconds kSetBack{5};     // of the wall clock, that may be waited for
 constexpr std::chrono::seconds kFarewells{30};  // of a drain whose calls may never end
 
-// What ends the worker while it works.
+// Reasons that end the worker while it works.
 struct Ends {
   std::atomic<bool> wanted{false};    // a signal asked for it
   std::atomic<bool> set_back{false};  // the wall clock was set back: gRPC works again in a new process only

@@ -120,7 +120,7 @@ Result<void> check_names(const std::vector<Aov>& aovs, const std::vector<std::st
   return {};
 }
 
-// What `work` returns; "stopped" if it was stopped on the way.
+// Result of `work`; "stopped" if it was stopped on the way.
 template <class Work>
 auto unless_stopped(const Work& work) -> decltype(work()) {
   try {

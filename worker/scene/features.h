@@ -9,7 +9,7 @@
 
 namespace candela::scene {
 
-// Where a shape stands in the scene's files.
+// Place of a shape in the scene's files.
 struct ShapePlace {
   std::string file;
   int line = 0;

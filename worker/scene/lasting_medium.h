@@ -1,4 +1,4 @@
-// How long light scatters in a scene's media before it leaves them or is absorbed.
+// Estimates how long light scatters in a scene's media before it leaves or is absorbed.
 #pragma once
 
 #include "worker/scene/media/media.h"

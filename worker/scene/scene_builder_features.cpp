@@ -1,4 +1,4 @@
-// What a plan, the pilot and `check` ask of a scene, gathered once all of it is built.
+// Gathers the facts of a built scene that a plan, the pilot and `check` ask for.
 #include <algorithm>
 #include <cmath>
 #include <vector>

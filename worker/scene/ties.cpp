@@ -218,7 +218,7 @@ namespace {
 
 constexpr unsigned kTriangles = 0, kDisks = 1;  // Embree's geometries
 
-// What Embree's callbacks see of one of them.
+// The part of one of them that Embree's callbacks see.
 struct TieGeometry {
   const Geometry* geometry = nullptr;
   const std::vector<Contested>* contested = nullptr;

@@ -107,7 +107,7 @@ std::string hash_of(std::string_view bytes) {
   return hash.finish_hex();
 }
 
-// What is in the cache; files that vanish during the scan are left out.
+// Lists the cache; files that vanish during the scan are left out.
 std::vector<CachedFile> scan(const fs::path& blobs) {
   std::vector<CachedFile> found;
   std::error_code code;

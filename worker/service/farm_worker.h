@@ -109,7 +109,7 @@ class FarmWorker final : public Worker {
     unsigned rejections = 0;
     Clock::time_point not_before{};  // the master could not take it: others go first
   };
-  // What must be told the master about a unit that will not be delivered.
+  // Message to the master about a unit that will not be delivered.
   struct Notice {
     std::uint64_t token = 0, generation = 0;
     bool failed = false;  // else handed back

@@ -46,7 +46,7 @@ inline bool has_beams(const scene::Medium& medium) {
 // left of any channel that scatters. Precondition of is_long: the medium is homogeneous and has_beams().
 float beam_end(const Crossing& crossing, const scene::Medium& medium, bool is_long);
 
-// What one chunk of light paths leaves, in the order of its paths.
+// Beams of one chunk of light paths, in the order of its paths.
 class BeamBuffer {
  public:
   void clear() {

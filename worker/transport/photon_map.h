@@ -65,7 +65,7 @@ struct Photon {
 };
 static_assert(sizeof(Photon<MisBlock>) == 48 && sizeof(Photon<NoBlock>) == 32);
 
-// What one chunk of light paths leaves, in the order of its paths and their vertices.
+// Photons of one chunk of light paths, in the order of its paths and their vertices.
 template <class Block>
 class PhotonBuffer {
  public:

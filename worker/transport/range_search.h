@@ -61,7 +61,7 @@ class RangeSearch {
   void build(PositionView points, float radius, unsigned threads);
 
   std::size_t size() const { return size_; }
-  // What the structure holds on to.
+  // Bytes that the structure holds.
   std::uint64_t bytes() const;
   Vec3 position(std::uint32_t slot) const { return {x()[slot], y()[slot], z()[slot]}; }
   // The index of each slot's point; empty once forgotten.

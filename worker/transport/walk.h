@@ -98,7 +98,7 @@ class Walk {
   // Direction in which the last scatter() left its vertex.
   Vec3 direction() const { return ray_.direction; }
 
-  // Where the last advance() met the lens on its way, light walks alone.
+  // Place where the last advance() met the lens; light walks only.
   struct LensMeeting {
     bool met = false;
     scene::CameraDensity camera;
@@ -306,7 +306,7 @@ bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::leave_surfaces(bool found, 
   return found;
 }
 
-// What weights need to know of an edge that ends at v.
+// Facts for weights of an edge that ends at v.
 template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
 void Walk<kMode, kBetween, Mis, SamplerT, Observer>::arrive(Vertex& v) {
   if constexpr (Mis::kWeighs) {

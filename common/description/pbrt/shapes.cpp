@@ -212,7 +212,7 @@ Result<void> Shapes::add_media(const ShapeEntity& entity, Object& shape, const O
   const bool bounds_media = entity.inside != entity.outside || interior;
   if (!bounds_media) return {};
   if (const Object& bsdf = *shape.children.at(0).object; bsdf.plugin == "mask") {
-    // What passes a hole stays in its medium in pbrt. Nothing else crosses an opaque surface.
+    // Light through a hole stays in its medium in pbrt. Nothing else crosses an opaque surface.
     if (!transmits(bsdf.children_of("bsdf").at(0))) {
       context_.differs(
           entity.where,

@@ -51,7 +51,7 @@ class Shapes {
   Result<std::shared_ptr<Object>> curve(ShapeEntity& entity);
   Result<std::shared_ptr<Object>> ply(ShapeEntity& entity);
   Result<std::shared_ptr<Object>> part_of_quadric(ShapeEntity& entity);
-  // What decides the front of triangles: those of a mesh, which a mirror does not turn around, or a quadric.
+  // Decides the front of triangles: those of a mesh, which a mirror does not turn around, or a quadric.
   enum class Front { of_mesh, of_quadric };
   // The triangles that the loader makes of the directive. `flat`: without shading normals.
   Result<std::shared_ptr<Object>> triangles(ShapeEntity& entity, bool flat, Front front);

@@ -174,7 +174,7 @@ class Eye {
     return 0;
   }
 
-  // How much u and v grow on the plane of the surface from here to the same place of the next pixel, as in
+  // Growth of u and v on the plane of the surface from here to the same place of the next pixel, as in
   // Mitsuba: d(u, v) is the least-squares solution of dp = dp_du du + dp_dv dv.
   std::size_t uv_step(const Seen& seen, float dx, float dy, std::array<double, 3>& out) const {
     out = {0, 0, 0};

@@ -1,5 +1,5 @@
-// What bdpt finds, on its way to the film: the sum along one eye ray, splats of light paths, and the layers
-// of techniques.
+// Sink of the contributions of bdpt for the film: the sum along one eye ray, splats of light paths, and the
+// layers of techniques.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// How mmlt chooses the length of a path, before anything of it is known. Light falls off geometrically with
+// Choice of the length of a path by mmlt, before anything of it is known. Light falls off geometrically with
 // the number of scatterings, nearly without end where little is absorbed: lengths k = least + j are drawn
 // with
 //   p(j) = 3/4 q^j (1 - q) / (1 - q^n) + 1/4 (1 / ((j + 1) (j + 2))) / (1 - 1 / (n + 1)),   0 <= j < n

@@ -1,4 +1,4 @@
-// How wide the lobes of a closure are, and how they bend light: what mutations of half vectors need for their
+// Widths of the lobes of a closure, and how they bend light. Mutations of half vectors need both for their
 // steps.
 #pragma once
 

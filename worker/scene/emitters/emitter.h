@@ -42,7 +42,7 @@ struct DirectSample {
   std::uint32_t primitive = kNone;  // of the surface, as in SurfaceHit; set where the density reads it
 };
 
-// How sample_emission chooses where light starts, and where to.
+// Densities with which sample_emission chooses the start and direction of light.
 struct EmissionDensity {
   float prob = 0;      // discrete, of the choice of emitter; of all environments together
   float pdf_area = 0;  // of the position: per area of the surface, or (infinite) of the disk across the
@@ -55,7 +55,7 @@ struct EmissionDensity {
 
 // Light leaving an emitter.
 struct EmissionSample : EmissionDensity {
-  // Where it starts: p, ng, shading, uv, error, shape, bsdf and emitter as a ray meeting the emitter there
+  // Its start: p, ng, shading, uv, error, shape, bsdf and emitter as a ray meeting the emitter there
   // would find them (distance is not set; primitive is set by meshes only). Without a surface: ng is the
   // direction.
   SurfaceHit vertex;

@@ -116,7 +116,7 @@ class EmitterSet {
   float importance(std::uint32_t i, Vec3 p, Vec3 front) const {
     return visit(i, [&](const auto& e) { return e.importance(p, front); });
   }
-  // What SurfaceLanes needs of an emitter that is a surface; nothing for another one.
+  // Data for SurfaceLanes of an emitter that is a surface; nothing for another one.
   std::optional<SurfaceLane> lane(std::uint32_t i) const {
     return visit(i, [](const auto& e) -> std::optional<SurfaceLane> {
       if constexpr (requires { e.lane(); }) return e.lane();

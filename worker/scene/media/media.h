@@ -12,7 +12,7 @@
 
 namespace candela::scene {
 
-// What lies on both sides of a surface; kNone: nothing that scatters or absorbs.
+// Media on both sides of a surface; kNone: nothing that scatters or absorbs.
 struct MediumInterface {
   std::uint32_t interior = kNone, exterior = kNone;  // behind and before the geometric normal
 };

@@ -23,7 +23,7 @@
 
 namespace candela::scene {
 
-// How far light, or a walk, gets along a ray before something happens to it.
+// Distance that light, or a walk, gets along a ray before it interacts.
 struct DistanceSample {
   bool scattered = false;
   float distance = 0;  // where scattered, up to the ray's t_max

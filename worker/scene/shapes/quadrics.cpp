@@ -8,9 +8,9 @@
 namespace candela::scene {
 namespace {
 
-// What double leaves of cancellation at the size of the primitive.
+// Error of cancellation in double, at the size of the primitive.
 constexpr double kDoubleNoise = 0x1p-40;
-// Where the surface is straight, a direction that grazes it by the normal rounded to float may dip below the
+// If the surface is straight, a direction that grazes it by the normal rounded to float may dip below the
 // true one by this for each unit of length. (A sphere curves away from it.)
 constexpr double kGrazing = 4 * static_cast<double>(kHalfUlp);
 
@@ -28,7 +28,7 @@ float turns(double along_s, double along_t) {
   return u < 0 ? std::min(u + 1, 0x1.fffffep-1f) : u;
 }
 
-// Where |f + d t| = radius. The discriminant from the distance of the line to the center, which does not
+// Solves |f + d t| = radius. The discriminant from the distance of the line to the center, which does not
 // cancel far away (Haines et al. 2019).
 bool roots(Vec3d f, Vec3d d, double radius, double& near, double& far) {
   const double a = dot(d, d);

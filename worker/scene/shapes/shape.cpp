@@ -87,7 +87,7 @@ Result<Shape> build_rectangle(const description::Object& object, const Transform
   return shape;
 }
 
-// What rays can be traced against: squares of coordinates stay finite in float, those of sizes above zero.
+// Checks that rays can be traced: squares of coordinates stay finite in float, those of sizes above zero.
 Result<void> check_range(const description::Object& object, const Bounds& bounds, double least_size) {
   for (const Vec3d p : {bounds.low, bounds.high}) {
     if (!(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= 1e18) || !(least_size > 1e-30)) {

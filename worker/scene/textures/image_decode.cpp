@@ -284,7 +284,7 @@ int Decoder::single_channel() const {
   return spec_.channels.size() == 2 && alpha >= 0 ? 1 - alpha : -1;
 }
 
-// Where red, green and blue are among the channels; one-channel images give all three the same.
+// Finds red, green and blue among the channels; one-channel images give all three the same.
 Result<void> Decoder::find_channels() {
   int found[3];
   if (!reading_.channel.empty() && reading_.channel != kNumber) {

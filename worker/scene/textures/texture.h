@@ -82,8 +82,8 @@ class TextureStore {
                         const Geometry* geometry = nullptr)
       : files_(&files), geometry_(geometry), scratch_(limits) {}
 
-  // What the slot `name` of `owner` holds: an rgb or number property, a texture child, or `otherwise`. Errors
-  // name file, line and the slot.
+  // Builds what the slot `name` of `owner` holds: an rgb or number property, a texture child, or `otherwise`.
+  // Errors name file, line and the slot.
   Result<ColorTexture> color(const description::Object& owner, std::string_view name, Spectrum otherwise);
   Result<FloatTexture> number(const description::Object& owner, std::string_view name, float otherwise);
 

@@ -16,7 +16,7 @@ namespace candela::transport::manifold {
 struct WalkRules {
   std::uint32_t max_iterations = 15;
   double min_step = 1.0 / 40;
-  // How near a walk back must come to where the first began, over the size of the chain.
+  // Maximum distance of the end of a walk back from the first start, over the size of the chain.
   double return_distance = 1e-6;
 };
 

@@ -43,7 +43,7 @@ class Evaluation {
   // The measurement contribution f(x), per channel: emitted radiance, geometric terms, transmittance, bsdfs
   // as radiance has them (towards the light x_{i-1}, with the shading normal's cosine there), importance.
   std::array<Scaled, 3> contribution() const;
-  // What a technique gives where it makes this path: f over the density with which it truly does, that of
+  // Contribution of a technique that makes this path: f over the density with which it truly does, that of
   // flights and straight passes included; without roulette, and without a merge's kernel.
   std::array<double, 3> estimator_value(const Technique& technique) const;
 

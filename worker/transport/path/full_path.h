@@ -38,7 +38,7 @@ struct InnerVertex {
   scene::SurfaceHit hit;
   std::uint32_t medium = scene::kNone;  // of a vertex in it
   bool delta = false;                   // the path turns here by a delta lobe
-  // Where several delta lobes share a direction: the probability of that meant, by a walk from the eye or (if
+  // If several delta lobes share a direction: the probability of that meant, by a walk from the eye or (if
   // so said) from the light. 0: any.
   double delta_prob = 0;
   bool delta_prob_from_light = false;

@@ -71,7 +71,7 @@ struct Path {
 // length.
 PathRange changed_range(const Path& from, const Path& to);
 
-// Where a chain's first path comes from: the sample of the bootstrap, and of its subpaths the numbers of
+// Origin of a chain's first path: the sample of the bootstrap, and of its subpaths the numbers of
 // vertices from the light and from the sensor that were joined.
 struct PathSeed {
   std::uint64_t sample = 0;

@@ -19,7 +19,7 @@ using path::Rules;
 using path::Scaled;
 using path::Technique;
 
-// How often per eye path each technique is run, not raised to any power; 0: not.
+// Samples per eye path of each technique, not raised to any power; 0: not run.
 struct Counts {
   double hit_light = 1, next_event = 1, connect = 1, light_image = 1, hit_lens = 1;
   double connect_media = 1;                    // share of the connections of two vertices in media

@@ -39,7 +39,7 @@ struct MergeMaps {
   float per_path = 1;             // 1 / light_path_count
   std::uint32_t max_edges = ~0u;  // of the merged path
   // Photons in directions of a higher density are left to the eye's walk, which finds their paths alone.
-  // Those of a light that it cannot meet are merged.
+  // Photons of a light that it cannot meet are merged.
   float max_density = std::numeric_limits<float>::infinity();
   bool leaves(const Photon<Block>& photon, float pdf_solid_angle) const {
     return pdf_solid_angle > max_density && photon.lit_by_delta == 0;

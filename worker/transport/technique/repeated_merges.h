@@ -1,4 +1,4 @@
-// How many merges repeat a light path: the F test takes the photons of a disc for independent samples, and
+// Counts merges that repeat a light path: the F test takes the photons of a disc for independent samples, and
 // two of one path are not [Lin 2023, section 5; a share of some percent makes the test alarm too often].
 // Counted at a sample of the eye paths, beside the merges, so that the gather pays nothing for it.
 #pragma once
