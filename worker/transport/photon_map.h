@@ -134,7 +134,7 @@ class PhotonMap {
   }
   bool knows_paths() const { return !ends_.empty(); }
 
-  // The steps of a query: others can work while memory is fetched. announce() and find() are RangeSearch's;
+  // The steps of a query: others can work while memory is fetched. prefetch() and find() are RangeSearch's;
   // collect() finds the photons and asks for them.
   using Query = RangeSearch::Query;
   struct Hits {
@@ -146,7 +146,7 @@ class PhotonMap {
     std::uint32_t count = 0;
     Hit hit[kMost];
   };
-  void announce(Vec3 p, float radius) const { search_.announce(p, radius); }
+  void prefetch(Vec3 p, float radius) const { search_.prefetch(p, radius); }
   void find(Vec3 p, float radius, Query& query) const { search_.find(p, radius, query); }
   // Collects up to kMost photons into `hits`. On overflow it calls visit(photon, squared distance) for full
   // batches; the caller visits the rest. The order depends on the photons alone.

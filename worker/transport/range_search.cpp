@@ -185,7 +185,7 @@ RangeSearch::CellBox RangeSearch::box_of(Vec3 p, float radius) const {
   return box.x0 > box.x1 || box.y0 > box.y1 || box.z0 > box.z1 ? CellBox() : box;
 }
 
-void RangeSearch::announce(Vec3 p, float radius) const {
+void RangeSearch::prefetch(Vec3 p, float radius) const {
   const CellBox box = box_of(p, radius);
   if (box.x0 > box.x1 || box.rows() > kMaxRows) return;
   const auto cells = static_cast<std::uint32_t>(box.x1 - box.x0);

@@ -73,10 +73,10 @@ class RangeSearch {
   // order, is finite and at most radius * radius in float. Each point once.
   template <class Visit>
   void visit_slots(Vec3 p, float radius, Visit&& visit) const;
-  // The same in steps, for callers with other work to do while memory is fetched: announce() asks for what
+  // The same in steps, for callers with other work to do while memory is fetched: prefetch() asks for what
   // find() reads, and find() for what visit_slots(query) reads.
   class Query;
-  void announce(Vec3 p, float radius) const;
+  void prefetch(Vec3 p, float radius) const;
   void find(Vec3 p, float radius, Query& query) const;
   template <class Visit>
   void visit_slots(const Query& query, Visit&& visit) const;

@@ -132,7 +132,7 @@ class EyeBeams {
     return found.point_beam + found.beam_beam;
   }
   // At a vertex that is connectible: the steps of MediumGather.
-  void announce(const transport::Vertex<transport::MisBlock>& v) const { gather_.announce(v); }
+  void prefetch(const transport::Vertex<transport::MisBlock>& v) const { gather_.prefetch(v); }
   Spectrum start(const transport::Vertex<transport::MisBlock>& v, Spectrum& path_sum) {
     gather_.start(v);
     const Spectrum found = gather_.beams_at(v, path_sum);

@@ -163,7 +163,7 @@ class MediumMerge {
 };
 
 // All merges at one vertex of the eye after another, in steps between which photons come from memory:
-// announce() when the vertex is made, start() and collect() when there has been something else to
+// prefetch() when the vertex is made, start() and collect() when there has been something else to
 // do, finish() before the vertex goes. finish() does what is left of all.
 //
 // StatisticsT: what else is wanted of merges (statistics/none.h). kLetters: labels may be wanted.
@@ -186,8 +186,8 @@ class Gather {
   const Statistics& statistics() const { return statistics_; }
 
   // Asks for what start() reads of the memory, for an eye's vertex that is connectible.
-  void announce(const ScatterPoint& v) const {
-    if (const PhotonMap<Block>* map = maps_.map_for(v)) map->announce(v.hit.p, radius_for(v));
+  void prefetch(const ScatterPoint& v) const {
+    if (const PhotonMap<Block>* map = maps_.map_for(v)) map->prefetch(v.hit.p, radius_for(v));
   }
   // v is connectible. The one before has to be finished.
   void start(const Vertex<Block>& v) {

@@ -93,9 +93,9 @@ double MediumGather::weight_at(const Vertex<MisBlock>& v, double own, const Ligh
   return own / (merges + light.sum + BeamBalance::sum(v.mis, reverse, eta_));
 }
 
-void MediumGather::announce(const Vertex<MisBlock>& v) const {
+void MediumGather::prefetch(const Vertex<MisBlock>& v) const {
   if (wants_points(v))
-    maps_.points->announce(v.medium, v.hit.p, static_cast<float>(maps_.kernels[v.medium].radii.point_point));
+    maps_.points->prefetch(v.medium, v.hit.p, static_cast<float>(maps_.kernels[v.medium].radii.point_point));
 }
 
 void MediumGather::start(const Vertex<MisBlock>& v) {

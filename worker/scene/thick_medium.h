@@ -6,7 +6,7 @@
 
 namespace candela::scene {
 
-struct LastingMedium {
+struct ThickMedium {
   // Share of a long walk that a scattering leaves: squared albedo times the probability of not leaving,
   // (atan(B) / B)^(1 - g) for the slowest mode in a box, which in reduced mean free paths 1 / ((1 - g)
   // sigma_t) has sides l_i and the wave number B^2 = sum_i (pi / (l_i + 1.42))^2, with 1.42 for two of the
@@ -19,6 +19,6 @@ struct LastingMedium {
 // medium, or of all of them where each is flat (the walls of a tank); where none holds it, it has no end, and
 // the thickness is infinite. Grids count with their densest and whitest place: an upper bound. Shapes of
 // shapegroups count as if placed once and unscaled.
-LastingMedium most_lasting_medium(const Media& media, const Geometry& geometry);
+ThickMedium thickest_medium(const Media& media, const Geometry& geometry);
 
 }  // namespace candela::scene
