@@ -46,8 +46,7 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
   app.add_flag("--lenient", options.lenient,
                "Accept unknown parameters, elements and plugins: warn, and leave them out or use the nearest "
                "known plugin");
-  add_texts(app, "--set", options.sets,
-            "Set a setting of the integrator, such as max_depth=4; may be repeated", "KEY=VALUE");
+  add_texts(app, "--set", options.sets, "Set a setting of the integrator; may be repeated", "KEY=VALUE");
   if (with_limits) {
     add_text(app, "--spp", options.spp,
              "Stop after N samples per pixel (Markov chains: mutations per pixel); default if no limit is "
@@ -98,7 +97,8 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
                "Refuse layers unless each path matches exactly one: they then add up to the image");
   add_text(app, "--edits", options.edits,
            "Edit how light travels, as a file of JSON says: move, turn or tint what chosen surfaces scatter; "
-           "none: no edits; default: those of the scene's integrator `edits`",
+           "none: no "
+           "edits; default: those of the scene's integrator `edits`",
            "FILE");
   add_text(app, "--scene-memory", options.scene_memory,
            "Maximum memory for reading the scene, such as 500M or 20G; default: half of the memory", "SIZE");
@@ -141,7 +141,7 @@ void warn_of_scene(std::ostream& err, const LoadedScene& scene) {
     err << fmt::format("candela: note: {}: {}\n", place(other->where), other->text);
   if (const auto& chosen = scene.job.default_integrator)
     err << fmt::format("candela: warning: {}: {}\n", place(chosen->where), chosen->text);
-  // Things passed over are among the differences; the same thing of many objects is told once.
+  // What was passed over is among the differences; the same of many objects is told once.
   std::vector<description::Finding> findings = description::review(scene.gathered.description).findings;
   std::erase_if(findings, [](const description::Finding& finding) { return !is_warning(finding.kind); });
   for (std::size_t i = 0; i < findings.size() && i < most_lines; ++i) {

@@ -202,10 +202,9 @@ int run_master(int argc, char** argv, const SchedulerObserver& observer) {
   ::umask(077);  // what the master and its backups write is for its user alone
   wire::configure_grpc();
   Texts texts;
-  CLI::App app{"The master of a Candela farm: keeps jobs, leases units to workers, merges their deltas."};
+  CLI::App app{"The master of a Candela farm: keeps jobs, leases work to workers, merges what they render."};
   app.set_version_flag("--version", "candela-master " + std::string(build_id()));
-  app.add_option("--listen", texts.listen,
-                 "address to serve; port 0 picks a free port (default 127.0.0.1:7070)")
+  app.add_option("--listen", texts.listen, "address to serve on; port 0 picks one (default 127.0.0.1:7070)")
       ->type_name("HOST:PORT");
   app.add_option("--data", texts.data, "folder of jobs, films and scene files")->type_name("DIR");
   app.add_option("--http", texts.http, "address of the page, /healthz and /metrics (default: none)")

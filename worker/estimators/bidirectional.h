@@ -45,8 +45,8 @@ struct OneTechnique {
   bool eye_goes_on(std::uint32_t edges) const { return edges + 1 < t; }
 };
 
-// State of both subpaths for kernels with edits that select by more of the path than the vertex know of both
-// subpaths (scene/bsdfs/path_edited.h).
+// What kernels with edits that select by more of the path than the vertex know of both subpaths
+// (scene/bsdfs/path_edited.h).
 template <bool kEdits>
 struct EditedSubpaths {
   explicit EditedSubpaths(const scene::Scene& /*scene*/) {}

@@ -142,10 +142,9 @@ int run_worker(int argc, char** argv) {
   ::umask(077);  // the cache has scenes, which are for this user alone
   wire::configure_grpc();
   Texts texts;
-  CLI::App app("A render worker: leases units from a master, renders them and delivers the results.");
+  CLI::App app("A render worker: leases units of work from a master, renders them and delivers the results.");
   app.set_version_flag("--version", std::string(version()) + " (build " + std::string(build_id()) + ")");
-  app.add_option("--master", texts.master, "Address of the master; default: $CANDELA_MASTER")
-      ->type_name("HOST:PORT");
+  app.add_option("--master", texts.master, "The master's HOST:PORT; default: $CANDELA_MASTER");
   app.add_option("--cache", texts.cache, "Folder for scene files; default: ~/.cache/candela")
       ->type_name("DIR");
   app.add_option("--cache-size", texts.cache_size, "Maximum bytes of the cache, such as 20G (the default)")

@@ -306,7 +306,7 @@ bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::leave_surfaces(bool found, 
   return found;
 }
 
-// Facts for weights of an edge that ends at v.
+// What weights need to know of an edge that ends at v.
 template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
 void Walk<kMode, kBetween, Mis, SamplerT, Observer>::arrive(Vertex& v) {
   if constexpr (Mis::kWeighs) {

@@ -14,9 +14,9 @@ struct EpochSettings {
   template <class Visitor>
   void fields(Visitor& visit) {
     visit("epoch_min", epoch_min, 2, 1 << 20,
-          "iterations of the shortest epoch, an even number; radii are decided once per epoch");
+          "iterations of the shortest epoch, an even number: radii are decided once an epoch");
     visit("growth", growth, 1, 1 << 16, "an epoch has at least 1/growth of the iterations before it");
-    visit("lag", lag, 0, 64, "epochs that are rendered while the statistics of earlier epochs arrive");
+    visit("lag", lag, 0, 64, "epochs that are rendered while the statistics of those before arrive");
   }
 };
 Result<void> check(const EpochSettings& settings);
@@ -98,13 +98,13 @@ struct PlugInSettings {
   template <class Visitor>
   void fields(Visitor& visit) {
     visit("pilot", pilot,
-          "radius at which the Laplacian is estimated: it falls with the exponent 1/10 (tenth) or 1/8 "
-          "(eighth), or is the best one of a bell-shaped field, for each pixel (reference)");
+          "pilot radius, at which the Laplacian is estimated: the exponent by which it falls, or the best "
+          "radius of a bell-shaped field, for each pixel");
     visit("recursive_correction", recursive_correction,
-          "choose the radius that is best for the mean over all radii so far; it is smaller by a sixth");
+          "the radius that is best for the mean of all radii so far, smaller by a sixth");
     visit("r_min", r_min, NumberRange{0, 1e6, true},
           "smallest radius of iteration i, as a share of the first radius times i^(-1/6)");
-    visit("r_max", r_max, NumberRange{0, 1e6, true}, "largest radius of iteration i, as a share of the same");
+    visit("r_max", r_max, NumberRange{0, 1e6, true}, "largest radius of iteration i, in the same way");
   }
 };
 Result<void> check(const PlugInSettings& settings);

@@ -1,4 +1,4 @@
-// Base of integrators of Markov chains: bootstrap, segments over threads, direct light beside the chains.
+// What integrators of Markov chains share: bootstrap, segments over threads, direct light beside the chains.
 // Each brings the state space that its chains walk over.
 #pragma once
 
@@ -52,8 +52,8 @@ class ChainIntegrator : public Integrator {
   Planned direct_;
 };
 
-// Paths that the chains mollify. Says so in the plan. Fails (usage) if the other settings, or the job's
-// layers, do not go with it.
+// What the chains mollify. Says so in the plan. Fails (usage) if the other settings, or the job's layers, do
+// not go with it.
 Result<ChainRegularization> chain_regularization(const ChainRegulariseSettings& settings,
                                                  const ChainSettings& chains,
                                                  const scene::SceneFeatures& features,

@@ -49,7 +49,7 @@ struct ChainSettings {
           "with direct=path: eye samples per pixel in one round");
   }
 };
-// For chains that mollify paths that their estimator cannot sample.
+// Of chains that mollify what their estimator cannot sample.
 struct ChainRegulariseSettings : RegulariseSettings {
   Choice schedule{"power", {"power", "geometric"}};
 
@@ -57,8 +57,8 @@ struct ChainRegulariseSettings : RegulariseSettings {
   void fields(Visitor& visit) {
     RegulariseSettings::fields(visit);
     visit("regularise_schedule", schedule,
-          "how the radius falls over the mutations of a chain: by epochs of 10000 (power), or by 1e-4 each "
-          "(geometric), which freezes chains and is for comparison only");
+          "how the radius falls over the mutations of a chain: power, by epochs of 10000; geometric, by 1e-4 "
+          "each, is for comparison alone: its chains freeze");
   }
 };
 

@@ -40,7 +40,7 @@ NoSegment make_segment(const scene::Scene& scene, const Path& path, const Assemb
 // The path whose inner vertices of the segment are those of the chain.
 Path with_segment(const Path& path, const Segment& segment, const manifold::Chain& chain);
 
-// Surfaces that a segment's rays meet. A surface of another bsdf is passed if light passes it straight.
+// What rays of a segment's walk meet. A surface of another bsdf is passed if light passes it straight.
 class SceneSurfaces final : public manifold::Surfaces {
  public:
   // Both must outlive this.
