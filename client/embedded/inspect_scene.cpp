@@ -54,7 +54,8 @@ void add_inspect_options(CLI::App& app, InspectOptions& options) {
   app.add_flag("--lenient", scene.lenient,
                "Accept unknown parameters, elements and plugins: warn, and leave them out or use the nearest "
                "known plugin");
-  add_texts(app, "--set", scene.sets, "Set a setting of the integrator; may be repeated", "KEY=VALUE");
+  add_texts(app, "--set", scene.sets, "Set a setting of the integrator, such as max_depth=4; may be repeated",
+            "KEY=VALUE");
   add_text(app, "--select", options.select,
            "Show only light whose paths match this light path expression, such as LS+DE", "EXPR");
   add_text(app, "--glossy-below", scene.glossy_below,
