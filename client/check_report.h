@@ -1,4 +1,4 @@
-// What `candela check` says of a scene, as text for people and JSON for scripts.
+// Report of `candela check` about a scene, as text for people and JSON for scripts.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// What every command is given, and the options that several of them share.
+// Context of every command, and the options that several commands share.
 #pragma once
 
 #include <functional>

@@ -56,7 +56,7 @@ bool broke_off(const grpc::Status& status) {
          status.error_code() == grpc::StatusCode::CANCELLED;
 }
 
-// How long a transfer has been trying to go on, since the last byte that came.
+// Time that a transfer has been trying to go on, since the last byte that came.
 class Outage {
  public:
   // Begins an outage now, unless one is under way.
@@ -116,7 +116,7 @@ struct FarmClient::State {
     return error;
   }
 
-  // How long a transfer may be silent.
+  // Maximum silence of a transfer.
   Clock::duration stall() const {
     return std::max<Clock::duration>(wire::kStall, std::chrono::duration_cast<Clock::duration>(
                                                        std::chrono::duration<double>(timeout_seconds)));

@@ -20,7 +20,7 @@ namespace candela::client {
 
 class StopSignals;
 
-// Which image of a job, and which of its layers.
+// Selects an image of a job, and its layers.
 struct ImageRequest {
   bool error_layer = false;
   bool image_only = false;     // without the job's further layers

@@ -1,4 +1,4 @@
-// Where images go: checked before anything is rendered, written whole or not at all.
+// Destinations of images: checked before anything is rendered, written whole or not at all.
 #pragma once
 
 #include <filesystem>

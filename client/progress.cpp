@@ -27,7 +27,7 @@ std::size_t terminal_columns() {
   return 80;
 }
 
-// What is known of b: "b 0.5123 +- 0.02 %".
+// Text about b: "b 0.5123 +- 0.02 %".
 std::string b_text(const v1::ChainStatus& chains) {
   const double relative = chains.b() > 0 ? 100 * chains.b_standard_error() / chains.b() : 0;
   return fmt::format("b {:.4g} +- {:.1g} %", chains.b(), relative);
@@ -149,7 +149,7 @@ std::string format_progress(const v1::JobStatus& status) {
   if (running && status.worker_memory_bytes() > 0)
     parts.push_back("memory " + format_bytes(status.worker_memory_bytes()));
   if (!running) parts.emplace_back(wire::name(status.state()));
-  // Of a running job too: that it waits for a worker or for room on a disk.
+  // A running job may wait too: for a worker, or for room on a disk.
   if (!status.message().empty()) parts.push_back(printable(status.message()));
   // Never 100% before the end.
   const int percent = status.state() == v1::JOB_STATE_DONE

@@ -1,4 +1,4 @@
-// How a job goes, as one line: redrawn in place on a terminal, repeated now and then elsewhere, silent when
+// Progress of a job as one line: redrawn in place on a terminal, repeated now and then elsewhere, silent when
 // asked.
 #pragma once
 
@@ -20,7 +20,7 @@ std::string effort_text(const v1::JobStatus& status, std::uint64_t iterations);
 // the parts that are known. The memory is that of the largest worker.
 std::string format_progress(const v1::JobStatus& status);
 
-// How far a job is, in [0, 1]: the furthest of its limits.
+// Progress of a job in [0, 1]: the furthest of its limits.
 double fraction_done(const v1::JobStatus& status);
 
 // "relMSE 1.2e-03 (at most 3.1e-03)": the estimate and the upper end of its interval, if that is known.

@@ -53,7 +53,7 @@ description::Note passed_over(const Object& written, const std::string& runs, co
 // The property of a scene's integrator that counts under every integrator: the renderer reads it there.
 constexpr std::string_view kOfScene = "strict_normals";
 
-// Whether the scene may have the parameter, and it changes nothing here.
+// True if the scene may have the parameter, and it changes nothing here.
 bool is_without_effect(const Object& integrator, const std::string& name) {
   const description::PluginRule* plugin = description::find_plugin("integrator", integrator.plugin);
   if (plugin == nullptr) return false;
@@ -167,7 +167,7 @@ Result<void> resolve_filter(const Object* film, const SceneOptions& options, Job
   } else {
     settings.filter = written->plugin;
   }
-  // Of another filter than the scene's, the scene's numbers mean nothing.
+  // The scene's numbers mean nothing for another filter than the scene's.
   const Object* given = written != nullptr && written->plugin == settings.filter ? written.get() : nullptr;
   settings.filter_settings.clear();
   const auto take = [&](const std::string& name, double otherwise, double least,

@@ -26,7 +26,7 @@ struct IntegratorSetting {
   std::string name, type, default_value, doc;
 };
 
-// What the client must know of the renderer, without linking it: injected by the program.
+// Facts of the renderer that the client needs, without linking it: injected by the program.
 struct RendererFacts {
   std::function<std::vector<std::string>()> integrator_names;
   std::function<Result<std::vector<std::string>>(const std::string& integrator)> setting_names;
@@ -113,7 +113,7 @@ std::uint64_t iterations_of(std::uint64_t spp, std::uint64_t samples_per_iterati
 // keeps it.
 Result<void> keep_effort_of(const JobSettings& was, const RendererFacts& facts, PreparedJob& job);
 
-// What differs between two settings, one line ("seed is 1, was 0; width is ..."); empty if nothing does.
+// Differences of two settings, one line ("seed is 1, was 0; width is ..."); empty if nothing does.
 std::string difference(const JobSettings& now, const JobSettings& was);
 
 }  // namespace candela::client

@@ -1,5 +1,5 @@
-// What people type and read: counts, durations, sizes, targets, assignments. Every parser takes the option's
-// name, so that its one error line says where the bad value was given.
+// Values as people type and read them: counts, durations, sizes, targets, assignments. Every parser takes the
+// option's name, so that its one error line says where the bad value was given.
 #pragma once
 
 #include <cstdint>

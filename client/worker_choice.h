@@ -1,4 +1,4 @@
-// Which worker a person means: ids are the farm's, names are what machines and pods call themselves.
+// Finds the worker that a person means: ids are the farm's, names are what machines and pods call themselves.
 #pragma once
 #include <string>
 

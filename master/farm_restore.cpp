@@ -1,4 +1,4 @@
-// How a farm takes its data folder and what lies in it: at a start, and where a job is taken in again.
+// Takes the data folder and its content into the farm: at a start, and when a job is taken in again.
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>

@@ -28,13 +28,13 @@ struct MasterOptions {
   double lease_seconds = 30;       // without heartbeat
   double unit_seconds = 4;         // what units are sized to
   double stuck_seconds = 600;      // without progress, before a worker loses a unit
-  // Of units, that a second worker renders, too, beside the first units of each worker; 0: none. The
+  // Share of units that a second worker renders too, beside the first units of each worker; 0: none. The
   // program's default is 0.01.
   double audit_share = 0;
   std::uint64_t merge_queue_bytes = 512ULL << 20;
   unsigned merge_threads = 1;
   int bulk_niceness = 0;  // of the threads that merge, write checkpoints and make images (bulk_threads.h)
-  // Of the films, statistics, chains, checkpoints and images of all jobs; 0: three quarters of the memory.
+  // Maximum for films, statistics, chains, checkpoints and images of all jobs; 0: 3/4 of the memory.
   std::uint64_t memory_bytes = 0;
   std::uint64_t statistics_bytes = 0;  // of those the statistics of all jobs; 0: a third of memory_bytes
   double keep_finished_seconds = 0;    // a job that ended longer ago is removed; 0: none is

@@ -89,7 +89,7 @@ void add_list(CLI::App& app, Context& context) {
   auto options = std::make_shared<ListOptions>();
   CLI::App* sub = app.add_subcommand("list", "List the farm's jobs; a group of frames is one row");
   add_positional(*sub, "group", options->group, "List the frames of this group", "GROUP");
-  sub->add_flag("--mine", options->mine, "Jobs that this user has submitted, from whatever machine");
+  sub->add_flag("--mine", options->mine, "Jobs that this user has submitted, from any machine");
   add_text(*sub, "--name", options->name,
            "Jobs whose name matches this pattern of a shell, such as 'seq010*'", "PATTERN");
   add_text(*sub, "--state", options->state,

@@ -1,4 +1,4 @@
-// What `candela doctor` looks at. Each check tells what is there, whether it is fit, and if not what to do.
+// Checks of `candela doctor`. Each check tells what is there, whether it is fit, and if not what to do.
 #pragma once
 
 #include <cstdint>
@@ -26,7 +26,7 @@ Diagnosis check_program();
 Diagnosis check_system();
 Diagnosis check_processor(const std::vector<std::string>& isas);
 Diagnosis check_open_files();
-// Whether image files can be read and written.
+// Checks that image files can be read and written.
 Diagnosis check_images();
 
 // Bytes of the machine or of this process's control group, whichever are fewer.

@@ -21,7 +21,7 @@ void add_inspect_paths(CLI::App& inspect, Context& context);
 void add_inspect_sphere(CLI::App& inspect, Context& context);
 void add_inspect_volume(CLI::App& inspect, Context& context);
 
-// What the linked renderer says of itself.
+// Facts of the linked renderer.
 RendererFacts renderer_facts();
 
 }  // namespace candela::client

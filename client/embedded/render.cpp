@@ -142,7 +142,7 @@ Result<std::string> find_job(FarmClient& farm, const RendererFacts& facts, Loade
   return job.id();
 }
 
-// Whether a render has stood still: nothing is being rendered and what is merged cannot be written to disk,
+// True if a render has stood still: nothing is being rendered and what is merged cannot be written to disk,
 // or units fail time and again and none gets done. The farm would try for ever; an embedded one does not wait
 // for somebody to make room.
 class Stall {
@@ -179,7 +179,7 @@ class Stall {
   std::atomic<bool> idle_{false};                         // no attempt is under way
 };
 
-// Whether everything the limits ask for is merged. (Such a render can be without its last checkpoint.)
+// True if everything the limits ask for is merged. (Such a render can be without its last checkpoint.)
 bool meets_a_limit(const v1::JobStatus& status) {
   const v1::StopRule& stop = status.stop();
   const std::uint64_t asked = wire::iterations_asked(status);

@@ -8,7 +8,7 @@
 
 namespace candela::client {
 
-// How the value of an option or argument is completed.
+// Completion of the value of an option or argument.
 struct ValueKind {
   enum class Source { none, words, files, folders, jobs, workers };
   Source source = Source::none;

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
 #include <set>
 
@@ -17,10 +18,9 @@ constexpr std::string_view kIntroduction =
     "`/etc/candela/config.toml`\n"
     "(`$CANDELA_CONFIG` names another file in place of both). Keys of the files are `master`, `tls-cert`, "
     "`tls-key`, `tls-ca`,\n"
-    "`token-file`, `insecure` and `timeout`, at the top or in a section `[client]`; on a machine whose file "
-    "also has a "
-    "section `[master]`, use\n"
-    "`[client]`.\n\n"
+    "`token-file`, `insecure` and `timeout`, at the top or in a section `[client]`. If the file also has a "
+    "section `[master]`,\n"
+    "use `[client]`.\n\n"
     "A job is named by its id, by the beginning of the id if no other job or group begins so (`candela list` "
     "prints such short\n"
     "ids), or by its name if no other has it. A word that may be several jobs is an error that lists them.\n"
@@ -51,17 +51,24 @@ std::string table(const std::string& rows) {
   return rows.empty() ? "" : "\n| | |\n|---|---|\n" + rows;
 }
 
-// Rows that at least three commands have stand once, before the commands.
+// Rows that several commands have stand once, before the commands: of each option the row that most have.
 class SharedRows {
  public:
   explicit SharedRows(std::span<const CommandEntry> commands) {
-    std::map<std::string, std::size_t> counts;
+    std::map<std::string, std::size_t> counts;  // by row
+    std::map<std::string, std::size_t> most;    // by the option's name
     for (const CommandEntry& command : commands)
       for (const OptionEntry& option : command.options) ++counts[row(option)];
     for (const CommandEntry& command : commands)
       for (const OptionEntry& option : command.options)
+        if (!option.positional())
+          most[option.names.back()] = std::max(most[option.names.back()], counts[row(option)]);
+    std::set<std::string> named;
+    for (const CommandEntry& command : commands)
+      for (const OptionEntry& option : command.options)
         if (const std::string text = row(option);
-            !option.positional() && counts[text] >= 3 && shared_.insert(text).second)
+            !option.positional() && counts[text] >= 2 && counts[text] == most[option.names.back()] &&
+            named.insert(option.names.back()).second && shared_.insert(text).second)
           rows_ += text;
   }
 
@@ -78,8 +85,8 @@ class SharedRows {
 std::string help_markdown(std::span<const CommandEntry> commands) {
   const SharedRows shared(commands);
   std::string page(kIntroduction);
-  page +=
-      "\n## Options of several commands\n\nEach command names those that it has.\n" + table(shared.rows());
+  page += "\n## Options of several commands\n\nEach command names the options that it has.\n" +
+          table(shared.rows());
   for (const CommandEntry& command : commands) {
     page += fmt::format("\n## candela {}\n\n{}.\n\n    {} [OPTIONS]\n", command.name, command.text,
                         command.usage());

@@ -14,7 +14,7 @@
 namespace candela::client {
 namespace {
 
-// Whether all of `text` are letters, digits or one of `others`.
+// True if all of `text` are letters, digits or one of `others`.
 bool plain(const std::string& text, std::string_view others) {
   return std::all_of(text.begin(), text.end(), [&](char c) {
     return std::isalnum(static_cast<unsigned char>(c)) != 0 || others.find(c) != std::string_view::npos;

@@ -15,7 +15,7 @@ Result<void> initialise(std::string_view program, std::string_view level, std::s
 
 enum class Level : std::uint8_t { debug, info, warn, error };
 
-// What a line is about; use as: log::info("merged", {.job = id, .unit = 7}).
+// Subject of a line; use as: log::info("merged", {.job = id, .unit = 7}).
 struct Ids {
   std::string_view job = {};
   std::int64_t unit = -1;

@@ -12,7 +12,7 @@ namespace candela {
 // of another version.
 Result<void*> load_from_module(const char* name, const char* function);
 
-// Whether the module is there, without loading it.
+// Fails if the module is not there; loads nothing.
 Result<void> check_module(const char* name);
 
 }  // namespace candela

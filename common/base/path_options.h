@@ -10,7 +10,7 @@
 
 namespace candela {
 
-// Whether the help calls an option's value by the name of a file or a folder.
+// True if the help calls an option's value by the name of a file or a folder.
 inline bool names_a_path(const std::string& type) {
   constexpr std::array<std::string_view, 7> types = {"FILE", "DIR", "SCENE", "IN", "OUT", "A", "REFERENCE"};
   return std::find(types.begin(), types.end(), type) != types.end();

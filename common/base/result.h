@@ -9,7 +9,7 @@
 
 namespace candela {
 
-// What went wrong, which decides the exit code (docs: exit codes) and whether a retry can help.
+// Kind of error, which decides the exit code (docs: exit codes) and whether a retry can help.
 enum class ErrorKind {
   usage,        // a wrong option or argument                     exit 2
   input,        // a scene, file or message that cannot be used   exit 2

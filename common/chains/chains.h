@@ -89,7 +89,7 @@ std::string encode(std::span<const ChainRecord> records);
 // Fails (input) unless the bytes are exactly `count` records.
 Result<std::vector<ChainRecord>> decode(std::string_view bytes, std::uint64_t count);
 
-// What the first segment of a chain starts from (record.segments == 0): a bootstrap sample.
+// Start of the first segment of a chain (record.segments == 0): a bootstrap sample.
 struct ChainStart {
   std::uint64_t bootstrap_sample = 0;
   ChainRecord record;
@@ -147,15 +147,15 @@ int film_scale_log2(double b0, int pilot_scale_log2);
 Normalisation pool(const BootstrapTable& bootstrap, std::span<const ChainCounts> counts);
 Normalisation pool(const BootstrapSums& bootstrap, std::span<const ChainCounts> counts);
 
-// How to read the image of a job with this b0: the factor b / b0 with its variance, and the two layers. Where
+// Read-out of the image of a job with this b0: the factor b / b0 with its variance, and the two layers. Where
 // b0 is zero the job is black, and so is the image.
 film::Development development(double bootstrap_b, const Normalisation& normalisation);
 
-// How many segments each chain of a half has in a set of merged indices, by number in the half. Fails (input)
-// if a chain has a segment without the one before it.
+// Number of segments that each chain of a half has in a set of merged indices, by number in the half. Fails
+// (input) if a chain has a segment without the one before it.
 Result<std::vector<std::uint64_t>> segments_in(const film::IndexSet& merged, std::uint32_t chains);
 
-// How a job's chains stand, for people: b, and the counts of groups of chains (chain c is in group c modulo
+// Status of a job's chains, for people: b, and the counts of groups of chains (chain c is in group c modulo
 // the number of groups; even groups are of half 0). A group's stay is its chains' longest.
 inline constexpr std::size_t kGroups = 16;
 struct Summary {
@@ -170,7 +170,7 @@ Summary summarise(const BootstrapSums& bootstrap, std::span<const ChainCounts> c
 inline constexpr std::uint64_t kLongStay = 10000;
 // The group with the longest stay.
 const ChainCounts& longest_stay(const Summary& summary);
-// What to tell of it, with the pixel; empty where no chain stayed so long.
+// Message about it, with the pixel; empty if no chain stayed so long.
 std::string long_stay_text(const Summary& summary);
 
 }  // namespace candela::chains

@@ -18,7 +18,7 @@ inline constexpr std::size_t kMostErrors = 20;
 std::vector<Error> all_errors(const FileSource& files, const std::string& main_key,
                               const std::map<std::string, std::string>& parameters, const Reading& reading);
 
-// Whether the file is of a version before 2. False if nobody can read it.
+// True if the file is of a version before 2. False if nobody can read it.
 bool is_old_scene(const FileSource& files, const std::string& main_key);
 
 }  // namespace candela::description

@@ -20,10 +20,10 @@ Result<void> check_properties(Object& object, const PluginRule& rule);
 Error unknown_parameter(const Object& object, const PluginRule& rule, const Location& where,
                         std::string_view name);
 
-// Whether the child, a texture or a medium's volume, is given for a parameter that the plugin does not have.
+// True if the child, a texture or a medium's volume, is given for a parameter that the plugin does not have.
 bool is_for_unknown_parameter(const Object& object, const PluginRule& rule, const Child& child);
 
-// Whether the child is a texture for a parameter that takes none, or that has a value already.
+// True if the child is a texture for a parameter that takes none, or that has a value already.
 bool is_unfit_texture(const Object& object, const PluginRule& rule, const Child& child);
 
 // One property against its rule; brings its value into canonical form.
@@ -34,7 +34,7 @@ Result<void> check_property(Property& property, const PropertyRule& rule);
 Result<void> check_children(const Object& object, const PluginRule& rule,
                             std::span<const Location> child_where);
 
-// Whether the light's to_world turns, places and scales it alone: lights with a cone or a picture.
+// True if the light's to_world turns, places and scales it alone: lights with a cone or a picture.
 bool is_rigid_light(const Object& object);
 
 // A focal length is a number of millimeters.

@@ -1,4 +1,4 @@
-// Whether a scene has color.
+// Tells if a scene has color.
 #pragma once
 
 #include "common/description/object.h"

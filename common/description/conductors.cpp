@@ -96,7 +96,7 @@ Error unknown_conductor(const Property& material) {
   const std::string_view nearest = nearest_name(name, known);
   return input_error(fmt::format("{} is no material with measured indices of refraction", text::quote(name)))
       .at(material.where.file, material.where.line)
-      .with_mend(nearest.empty() ? "give eta and k, or one of the names in docs/scenes.md"
+      .with_mend(nearest.empty() ? "give eta and k, or one of the names in docs/plugins.md"
                                  : text::did_you_mean(nearest));
 }
 

@@ -11,7 +11,7 @@ struct FilmWindow {
   std::int64_t film_width = 768, film_height = 576;  // pixels, as all of these
   std::int64_t x = 0, y = 0;                         // the window's upper left corner
   std::int64_t width = 768, height = 576;
-  // Whether the window has pixels, and all of them are the film's.
+  // True if the window has pixels, and all of them are the film's.
   bool fits() const;
 };
 

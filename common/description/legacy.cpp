@@ -330,7 +330,7 @@ Result<void> upgrade_homogeneous(Object& object, const Slots& slots) {
 Result<void> upgrade_medium(Object& object, const Slots& slots) {
   if (object.plugin == "homogeneous") CANDELA_TRY(upgrade_homogeneous(object, slots));
   CANDELA_TRY(rename(object, "density_multiplier", "scale"));
-  // How free flights are sampled and densities integrated: noise and cost, not the mean.
+  // Sampling of free flights and integration of densities: noise and cost, not the mean.
   for (const std::string_view numerics : {"strategy", "method", "step_size", "sampling_weight"})
     take(object, numerics);
   return {};
@@ -392,7 +392,7 @@ void note_colored_opacity(Object& object, std::vector<Note>& notes) {
   notes.push_back({opacity->where, "a colored opacity counts by its luminance: what passes has no tint"});
 }
 
-// What Mitsuba 3.7 does beside 0.6's perturbation of the normal.
+// Steps of Mitsuba 3.7 beside 0.6's perturbation of the normal.
 void keep_plain_bumps(Object& object) {
   for (const std::string_view name : {"flip_invalid_normals", "use_shadowing_function"}) {
     if (find(object, name) == nullptr)

@@ -17,7 +17,7 @@ std::string plugin_name(std::string_view category, std::string_view name);
 // Today's name of the slot that a child is given for; the names of parameters are in snake case already.
 std::string slot_name(const Object& parent, std::string_view slot);
 
-// Whether 0.6 heeds a parameter that Candela lacks, so that to pass it over would be another scene, not just
+// True if 0.6 heeds a parameter that Candela lacks, so that to pass it over would be another scene, not just
 // a tidier file.
 bool is_heeded(const Object& object, std::string_view parameter);
 

@@ -72,7 +72,7 @@ std::string_view known_beginning(std::string_view category, std::string_view nam
   return longest;
 }
 
-// Whether the known plugin holds as many bsdfs as the object does. The number matters to bsdfs alone.
+// True if the known plugin holds as many bsdfs as the object does. The number matters to bsdfs alone.
 bool holds_as_many(const Object& object, std::string_view plugin, std::size_t bsdf_parts) {
   if (object.category != "bsdf") return true;
   const std::vector<std::string_view>& children = find_plugin("bsdf", plugin)->child_categories;

@@ -10,7 +10,7 @@
 
 namespace candela::description::lenient {
 
-// Whether another plugin gives the picture of `object`'s but for polarization or for a width next to none, so
+// True if another plugin gives the picture of `object`'s but for polarization or for a width next to none, so
 // that it stands in without --lenient too.
 bool has_close_plugin(const Object& object);
 

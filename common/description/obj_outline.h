@@ -1,4 +1,4 @@
-// What an OBJ file and its library say of materials, without the geometry.
+// Materials of an OBJ file and its library, without the geometry.
 #pragma once
 
 #include <array>
@@ -27,7 +27,7 @@ struct ObjMaterial {
   // Names of images, empty where there is none. Backslashes are slashes.
   std::string diffuse_map, specular_map, bump_map, opacity_map;
 };
-// Of two of one name the later counts. Numbers that do not parse are 0.
+// If two have one name, the later one counts. Numbers that do not parse are 0.
 std::vector<ObjMaterial> read_obj_materials(std::string_view bytes);
 
 }  // namespace candela::description

@@ -72,7 +72,7 @@ struct Object {
 
 class ReadingBudget;
 
-// Where files come from: the submitting client's disk, or a bundle in a worker's cache. Keys are paths
+// Source of files: the submitting client's disk, or a bundle in a worker's cache. Keys are paths
 // relative to the scene file's folder, lexically normalized ("../textures/a.png" stays possible: it is only a
 // key).
 class FileSource {
@@ -89,7 +89,7 @@ class FileSource {
   virtual ReadingBudget& budget() const;
 };
 
-// What a reader of the scene may want to know and no error: values clamped, words of an old file read as
+// Notes for a reader of the scene that are no errors: values clamped, words of an old file read as
 // something else.
 struct Note {
   Location where;
@@ -110,7 +110,7 @@ struct SceneDescription {
 // $parameters and refs, parameters given but not used by the scene, values that do not parse, numbers that
 // are not finite, singular transforms.
 //
-// What the caller gets is canonical: the value of a property that names a file is the file's key (open it
+// The result is canonical: the value of a property that names a file is the file's key (open it
 // with `files`); strings of a closed set are lower case; int_ior and ext_ior are numbers; a to_uv transform
 // acts on (u, v, 0, 1). Files are looked for in the scene's <path> folders (the last one first), in the main
 // scene file's folder, and in the folder of the included XML file that names them. Integrators that Mitsuba

@@ -14,7 +14,7 @@ namespace {
 
 constexpr int max_foreign_depth = 64;
 
-// Whether the parameter has an effect; others are accepted for Mitsuba's sake.
+// True if the parameter has an effect; others are accepted for Mitsuba's sake.
 bool is_used(const PropertyRule* rule) {
   return rule != nullptr && !rule->ignored && rule->only.empty();
 }

@@ -308,7 +308,7 @@ class Parser {
   }
   void pass_over(const Error& error) { note_passed_over(passed_over_note(error)); }
 
-  // Of a parameter that is given twice the later value counts, as in Mitsuba.
+  // If a parameter is given twice, the later value counts, as in Mitsuba.
   void give_again(Property& first, Property property, const Object& object) {
     note_passed_over(
         {property.where, fmt::format("parameter {} of {} is given twice, first in line {}: this value "

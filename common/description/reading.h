@@ -1,4 +1,4 @@
-// How strictly a scene file is read, and what of it was passed over.
+// Strictness of reading a scene file, and the list of what was passed over.
 #pragma once
 
 #include <map>

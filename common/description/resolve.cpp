@@ -41,7 +41,7 @@ class Resolver {
       return error_at(from, fmt::format("objects are nested deeper than {} levels", max_height));
     node.state = State::open;
     std::vector<Location> where;
-    // What Mitsuba has and Candela lacks (another integrator) is kept, but nobody knows its rules.
+    // An object that Mitsuba has and Candela lacks (another integrator) is kept; its rules are not known.
     const PluginRule* rule = find_plugin(draft.object->category, draft.object->plugin);
     const bool unfolds = draft.object->category != "scene" && draft.object->category != "shape";
     std::size_t replaced = 0;
@@ -336,7 +336,7 @@ class Resolver {
       passed_over_.push_back({{error.file, error.line}, fmt::format("{}: {}", error.message, instead)});
   }
 
-  // Whether an object that stands in for another can take the child beside those it has.
+  // True if an object that stands in for another can take the child beside those it has.
   static bool fits(const Object& object, const PluginRule& rule, const Child& child) {
     const auto& categories = rule.child_categories;
     if (child.object->category == "texture" &&

@@ -46,7 +46,7 @@ struct Draft {
 // A lookup in a texture looks up those that it is made of; one that is referred to twice, twice.
 inline constexpr std::uint64_t max_texture_unfolded = 10'000;
 
-// How the drafts are joined.
+// Way in which the drafts are joined.
 struct Joining {
   // Textures and volumes for unknown parameters, and what does not fit into an object that stands in for
   // another, are left out; else they are errors.

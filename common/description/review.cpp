@@ -13,7 +13,7 @@
 namespace candela::description {
 namespace {
 
-// What of the scene's children acts by itself; the others are there to be referred to.
+// True for children of the scene that act by themselves; the others are there to be referred to.
 bool acts(const Object& object) {
   return object.category == "shape" ? object.plugin != "shapegroup"
          : object.category == "emitter"
@@ -80,7 +80,7 @@ class Reviewer {
     for (const Child& child : object.children) visit(*child.object);
   }
 
-  // What media mean here and not in Mitsuba 3 follows from what is absent.
+  // The meaning of media here, unlike in Mitsuba 3, follows from absent parameters.
   void look_at_media(const Object& object) {
     const auto has = [&](std::string_view category) { return !object.children_of(category).empty(); };
     if (object.category == "shape" && has("medium") && !has("bsdf") && !has("emitter"))

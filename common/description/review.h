@@ -1,4 +1,4 @@
-// What a scene uses, and what of it a reader of Mitsuba's documentation would not expect here.
+// Lists what a scene uses, and the part that a reader of Mitsuba's documentation would not expect here.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,7 @@ struct Finding {
   std::uint64_t count = 1;  // of the places that the same is true of; `where` is the first
 };
 std::string_view name(Finding::Kind kind);
-// Whether it is one of the first two kinds. The others are notes.
+// True if it is one of the first two kinds. The others are notes.
 bool is_warning(Finding::Kind kind);
 
 struct Review {

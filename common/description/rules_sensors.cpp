@@ -211,7 +211,7 @@ PluginRule integrator_rule(const words::IntegratorWords& integrator, std::vector
 
 }  // namespace
 
-// The order is that of docs/scenes.md.
+// The order is that of docs/plugins.md.
 void add_integrators(std::vector<PluginRule>& table) {
   table.push_back(integrator_rule(
       words::kPath, {ignored("use_spectral_mis", {boolean}, "volpathmis: always done")},
@@ -259,7 +259,7 @@ void add_integrators(std::vector<PluginRule>& table) {
 
 namespace {
 
-// What all sensors have.
+// Parameters of all sensors.
 std::vector<PropertyRule> sensor_properties(PropertyRule to_world) {
   return {std::move(to_world),
           positive("near_clip", "distance of the near plane along the view in scene units (default 0.01)"),

@@ -119,8 +119,7 @@ void add_textures(std::vector<PluginRule>& table) {
              .types = {string},
              .required = true,
              .doc =
-                 "begins with vertex_ or face_, as in vertex_color; the mesh must have it (see *Meshes and "
-                 "images*)"},
+                 "begins with vertex_ or face_, as in vertex_color; the mesh must have it (docs/meshes.md)"},
             {.name = "scale", .types = {number}, .doc = "a factor (default 1)"}},
        .child_categories = {},
        .doc = "an attribute of the vertices of a mesh, linear over each triangle, or of its faces; 0.6's "

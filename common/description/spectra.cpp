@@ -206,7 +206,7 @@ Result<ConvertedSpectrum> convert_spectrum_value(const Element& element, Spectru
   const std::vector<std::string_view> words = text::tokens(element.get("value"));
   if (words.empty()) return element.error("<spectrum> has an empty 'value'");
   const bool pairs = element.get("value").find(':') != std::string_view::npos;
-  // What an RGB build of 0.6 reads as red, green and blue.
+  // Three numbers, which an RGB build of 0.6 reads as red, green and blue.
   if (element.legacy && words.size() == 3 && !pairs) {
     Rgb rgb;
     for (std::size_t i = 0; i < 3; ++i) {

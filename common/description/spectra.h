@@ -12,7 +12,7 @@
 
 namespace candela::description {
 
-// What a spectrum is given for. Light is weighed by the observer alone; everything else also by D65, the
+// Use of a spectrum. Light is weighed by the observer alone; everything else also by D65, the
 // white of Rec.709, so that a flat spectrum has a neutral color. All are clamped to 0 below, reflectances to
 // 1 above.
 enum class SpectrumUse {
@@ -21,8 +21,8 @@ enum class SpectrumUse {
   unbounded     // of one that does not (indices of refraction, extinction)
 };
 
-// Of a parameter as it is written: old names that the upgrade has yet to translate are told apart by their
-// last word.
+// Use of a parameter as it is written: the last word tells old names apart that the upgrade has yet to
+// translate.
 SpectrumUse spectrum_use(const Object& object, std::string_view name);
 
 struct ConvertedSpectrum {

@@ -21,7 +21,7 @@ class UnpackedFiles final : public FileSource {
   // The first bytes of a file, at least `count` if it has so many. A packed file is unpacked no further, and
   // is not kept.
   Result<Bytes> start(const std::string& key, std::size_t count) const;
-  // Whether the file can be read. A packed file is not unpacked.
+  // Fails if the file cannot be read. A packed file is not unpacked.
   Result<void> find(const std::string& key) const;
   ReadingBudget& budget() const override { return files_.budget(); }
 

@@ -30,7 +30,7 @@ struct PropertyRule {
       -std::numeric_limits<double>::infinity();  // bounds of an integer, a number, each component of an rgb
   double maximum = std::numeric_limits<double>::infinity();
   bool above_minimum = false;  // the minimum itself is out of bounds
-  // Where set: how the picture differs from Mitsuba's when the parameter is given, one sentence without its
+  // If set: how the picture differs from Mitsuba's when the parameter is given, one sentence without its
   // period; not where it has the value `differs_unless` (in text form).
   std::string_view differs = {};
   std::string_view differs_unless = {};
@@ -51,7 +51,7 @@ const PluginRule* find_plugin(std::string_view category, std::string_view name);
 using candela::edit_distance;
 using candela::nearest_name;
 
-// What Mitsuba has and Candela does not yet (`later`); `none` where Mitsuba has no such thing either.
+// `later`: Mitsuba has it and Candela does not yet; `none`: Mitsuba has no such thing either.
 enum class Support { none, later };
 Support support_of_category(std::string_view category);
 Support support_of_plugin(std::string_view category, std::string_view name);
@@ -69,7 +69,7 @@ std::vector<std::string_view> property_names(const PluginRule& plugin);
 std::optional<double> named_index_of_refraction(std::string_view name);
 std::vector<std::string_view> index_of_refraction_names();
 
-// The page docs/scenes.md: what the loader understands, from the table it obeys.
+// The page docs/plugins.md: what the loader understands, from the table it obeys.
 std::string support_table_markdown();
 
 }  // namespace candela::description

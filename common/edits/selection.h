@@ -1,4 +1,4 @@
-// Which vertices an edit selects: from the vertex alone, by an expression such as LX*S{mirror} ("light, by
+// Vertices that an edit selects: from the vertex alone, by an expression such as LX*S{mirror} ("light, by
 // any way, and last the mirror"), or X{wall}X*E for what the eye gathers; or by more of the path
 // (path_states.h).
 #pragma once

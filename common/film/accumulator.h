@@ -75,7 +75,7 @@ class UnitAccumulator {
   bool splat(std::uint32_t x, std::uint32_t y, std::uint32_t first, std::span<const double> values,
              std::uint64_t key, Tallies& tallies);
 
-  // Whether add() and splat() take these values.
+  // True if add() and splat() take these values.
   bool holds(std::span<const double> values) const {
     bool all = true;
     for (const double value : values) all &= std::abs(value) <= limit_;  // false for NaN

@@ -1,4 +1,4 @@
-// How a film's layers become the image. One layer is the image of most jobs; a job of Markov chains adds two,
+// Turns a film's layers into the image. One layer is the image of most jobs; a job of Markov chains adds two,
 // the first with a factor that is known when the image is read (law 4). Whoever develops an image, or its
 // error, asks here.
 #pragma once

@@ -1,4 +1,4 @@
-// Which iterations or segments a film holds: law 3 takes idempotence from the set of merged indices.
+// The iterations or segments in a film: law 3 takes idempotence from the set of merged indices.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// What a reader of image files is, and the module (base/module.h) that has those of other formats than
+// Interface of readers of image files, and the module (base/module.h) that has those of other formats than
 // OpenEXR and PNG: OpenImageIO brings 260 libraries, and loading them takes a third of a second of processor
 // time.
 #pragma once
@@ -75,7 +75,7 @@ class ImageCodec {
 // Loaded once.
 Result<const ImageCodec*> image_codec();
 
-// Whether the module is there, without loading it: a worker should know before it serves for a night.
+// Fails if the module is not there; loads nothing: a worker should know before it serves for a night.
 Result<void> check_image_module();
 
 }  // namespace candela::image

@@ -14,7 +14,7 @@ namespace candela::image {
 std::unique_ptr<ImageReader> open_exr(std::unique_ptr<ByteSource> source, const std::string& name,
                                       std::string& error);
 
-// Whether the file has the bytes that its header speaks of: attributes, and the tables of chunks. OpenEXR
+// Checks that the file has the bytes that its header names: attributes, and the tables of chunks. OpenEXR
 // makes room for both before it looks. Empty, or why not.
 std::string exr_header_error(ByteSource& source);
 

@@ -30,13 +30,13 @@ class HeaderWalk {
   // A text of `text` and its zero; false if it is longer than any name.
   bool get_name(std::string& text);
   bool read_attribute(const std::string& name);
-  // How many chunks the part that ends here has, at least.
+  // Minimum number of chunks of the part that ends here.
   std::uint64_t chunks() const;
 
   ByteSource& source_;
   std::uint64_t at_ = 0;
   std::uint32_t flags_ = 0;
-  // Of the part.
+  // The data window of the part.
   std::array<std::int32_t, 4> window_{};
   std::array<std::uint32_t, 2> tile_{};  // 0: not said
   std::uint8_t compression_ = 0;

@@ -82,7 +82,7 @@ bool is_depth(std::string_view name) {
   return is_one_of(name, {"z", "depth"});
 }
 
-// Where a channel stands in its layer: colors first, so that they can be read together, in the order that
+// Place of a channel in its layer: colors first, so that they can be read together, in the order that
 // people write. Without an X, Z is a depth.
 int rank_of(std::string_view letter, bool has_x) {
   const std::initializer_list<std::string_view> colors[] = {

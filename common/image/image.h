@@ -44,7 +44,7 @@ Result<Image> decode_exr(std::string_view bytes);
 // none of that name the error lists those there are.
 Result<Image> read_layer(const std::filesystem::path& path, const std::string& layer);
 
-// What the head of an image file says, without reading its pixels. Errors name the file.
+// Reads the head of an image file, without its pixels. Errors name the file.
 struct ImageSize {
   std::uint32_t width = 0, height = 0, channels = 0;
   std::uint32_t bits = 0;  // of a channel

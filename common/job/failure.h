@@ -21,7 +21,7 @@ inline constexpr std::array<FailureCause, kFailureCauses> kAllFailureCauses = {
     FailureCause::scene, FailureCause::worker, FailureCause::place, FailureCause::network,
     FailureCause::master};
 
-// How often each cause was given; index: the cause.
+// Number of failures by cause; index: the cause.
 using FailureCounts = std::array<std::uint64_t, kFailureCauses>;
 
 constexpr std::size_t index_of(FailureCause cause) {

@@ -1,4 +1,4 @@
-// What a job is, in plain structures: the part of the wire contract the renderer and the film need, without
+// A job in plain structures: the part of the wire contract the renderer and the film need, without
 // protobuf. Conversions with validation are in common/wire.
 #pragma once
 
@@ -12,7 +12,7 @@ namespace candela {
 
 using SettingsMap = std::map<std::string, std::string>;
 
-// What the pixels depend on, beside the scene bundle.
+// All that the pixels depend on, beside the scene bundle.
 // The part of a larger image that a job renders: its size is the job's width and height.
 struct Crop {
   std::uint32_t x = 0, y = 0;                       // of its upper left pixel
@@ -76,7 +76,7 @@ struct NamedState {
   bool operator==(const NamedState&) const = default;
 };
 
-// What a job of Markov chains asks of the farm beside iterations. Decided by its settings alone.
+// Work that a job of Markov chains asks of the farm beside iterations. Decided by its settings alone.
 struct ChainPlan {
   std::uint32_t chains = 0;  // even
   std::uint64_t bootstrap_samples = 0;

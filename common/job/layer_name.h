@@ -1,4 +1,4 @@
-// How layers of an image may be called.
+// Legal names of layers of an image.
 #pragma once
 
 #include <cstddef>

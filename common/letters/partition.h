@@ -1,4 +1,4 @@
-// Which layers of a job add up to its image.
+// Finds the layers of a job that add up to its image.
 #pragma once
 
 #include <span>

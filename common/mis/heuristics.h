@@ -16,7 +16,7 @@ namespace candela::mis {
 
 inline constexpr std::size_t kMaxTechniques = 8;
 
-// How many samples of each technique one batch has.
+// Samples of each technique in one batch.
 struct Allocation {
   std::size_t techniques = 0;
   std::array<double, kMaxTechniques> counts{};  // n_i >= 1

@@ -1,8 +1,8 @@
-// What trained light selection learns: for each cell of a grid over the scene and each light, how many points
-// of the light were tested from there, and how many of them were seen. The rule `light_visibility` makes the
-// state of an epoch from the counts of all epochs before that are whole: a byte for each entry, the weight of
-// the light's share of the choice in the cell. If the counts of epoch 0 expect little of it, the states of
-// all epochs after are empty: the choice stays untrained, and nothing is counted.
+// Statistics of trained light selection: for each cell of a grid over the scene and each light, how many
+// points of the light were tested from there, and how many of them were seen. The rule `light_visibility`
+// makes the state of an epoch from the counts of all epochs before that are whole: a byte for each entry, the
+// weight of the light's share of the choice in the cell. If the counts of epoch 0 expect little of it, the
+// states of all epochs after are empty: the choice stays untrained, and nothing is counted.
 //
 // Beyond kMaxLights lights, the light of an entry is a group of lights (scene::Lights).
 //
@@ -37,7 +37,7 @@ struct Layout {
 // The finest grid that fits in a film of this size.
 Layout layout(std::uint32_t width, std::uint32_t height, std::uint32_t lights);
 
-// Where an entry's two integers are: its pixel, and the first of its channels there.
+// Place of an entry's two integers: its pixel, and the first of its channels there.
 struct Place {
   std::uint32_t x, y, channel;
 };
@@ -53,7 +53,7 @@ film::AccumulatorSpec spec(const Layout& layout);
 inline constexpr std::uint8_t kMaxWeight = 255, kMinWeight = 16;
 std::uint8_t weight(std::uint64_t tested, std::uint64_t seen);
 
-// What trained selection may gain, from the counts of an untrained epoch: there, tests of a cell are in
+// Possible gain of trained selection, from the counts of an untrained epoch: there, tests of a cell are in
 // proportion to f. In a cell of n tests the second moment of an estimate is in proportion to sum(seen) if the
 // choice is by f, and to sum(tested weight)^2 / n, weights of at most 1, if it is by f sqrt(v).
 class ExpectedGain {

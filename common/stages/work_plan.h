@@ -25,7 +25,7 @@ struct EpochPlan {
   bool operator==(const EpochPlan&) const = default;
 };
 
-// How the image is read from film and accumulators, if it is more than a mean: a rule by name
+// Read-out of the image from film and accumulators, if it is more than a mean: a rule by name
 // (common/stages/development.h) and its constants, among them `estimator`, the read-out that is the image
 // unless somebody asks for another.
 struct DevelopmentPlan {

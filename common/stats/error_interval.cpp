@@ -17,8 +17,8 @@ constexpr double kNormal = 1.645;    // one-sided 95 %
 constexpr double kTail = 0.05;
 // The image's own error spreads about what is expected as much as the estimate does.
 constexpr double kBoth = 1.41421356;
-// Of the noise: what the upper end has for light that was found too rarely to be in it, and of chains for
-// what both groups have found too often or too rarely alike.
+// Shares of the noise that the upper end adds for light that was found too rarely to be in the noise, and for
+// light that both groups of chains have found too often or too rarely alike.
 constexpr double kUnseen = 0.5, kUnseenByChains = 1;
 constexpr double kStandsOut = 0.5;       // standard errors
 constexpr std::size_t kManyBlocks = 16;  // from so many on the spread of their energies is known
@@ -186,7 +186,7 @@ Means means_of(const Halves& halves) {
   return means;
 }
 
-// How far the sum of the energies may be below what is expected.
+// Maximum shortfall of the sum of the energies below its expectation.
 double excess(const std::vector<Bands::Band>& bands) {
   double squares = 0;
   for (const Bands::Band& band : bands) {
@@ -291,7 +291,7 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
   Bands bands(halves.width);
   Neighborhoods near_a(rows.values()), near_b(rows.values()), near_ab(rows.values()), near_v(rows.values());
   Row field(rows.values());
-  // Of the pixels around, each by its lesser half.
+  // The brightest pixel around, each by its lesser half.
   const auto brightest = [&](std::uint32_t x, std::uint32_t y, std::size_t c) {
     double most = 0;
     for (std::uint32_t v = y == 0 ? 0 : y - 1; v < std::min(halves.height, y + 2); ++v)
@@ -323,7 +323,7 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
         const std::size_t i = std::size_t{x} * film::kChannels + c;
         const double a = row.a[i], b = row.b[i];
         const double mean_a = near_a.sum(x0, x1, c) / count, mean_b = near_b.sum(x0, x1, c) / count;
-        // Of the neighborhood's spread the part that both halves have is the picture's; the pixel's own value
+        // The part of the neighborhood's spread that both halves have is the picture's; the pixel's own value
         // counts as much as that, its neighbors' mean the rest.
         const double spread = std::max(0.0, near_ab.sum(x0, x1, c) / count - mean_a * mean_b);
         const double mean_v = near_v.sum(x0, x1, c) / count;

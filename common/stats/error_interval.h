@@ -17,7 +17,7 @@ struct ErrorInterval {
   BlockMeans blocks;  // of the image
 };
 
-// What of a job the estimate depends on beside its image.
+// Facts of a job that the estimate depends on beside its image.
 struct ErrorContext {
   // The bias of merging goes as i^(alpha - 1) over the iterations. 1: nothing merges, or radii stay.
   double alpha = 1;

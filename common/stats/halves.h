@@ -24,7 +24,7 @@ struct Halves {
   double weight1() const { return n1 / (n0 + n1); }
 };
 
-// Of the image as developed. `film` and `development` must outlive it.
+// Halves of the image as developed. `film` and `development` must outlive it.
 Halves halves_of(const film::MergedFilm& film, const film::Development& development);
 
 // The same as arrays, which an experiment keeps. `scaled` is empty where the factor has no variance.

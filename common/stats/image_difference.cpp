@@ -12,7 +12,7 @@ double finite_or_zero(std::span<const float> values, std::size_t i) {
   return values.empty() || !std::isfinite(values[i]) ? 0 : std::max(0.0, double{values[i]});
 }
 
-// Of a sum of differences with this variance, which is estimated from terms of one degree of freedom each.
+// p of a sum of differences with this variance, which is estimated from terms of one degree of freedom each.
 double two_sided_p(double sum, double variance, double squared_variances) {
   if (std::isnan(sum)) return 0;
   if (sum == 0) return 1;

@@ -1,4 +1,4 @@
-// What of the difference of two images is noise, where the variance of their values is known.
+// Finds the part of the difference of two images that is noise, if the variance of their values is known.
 #pragma once
 
 #include <cstdint>

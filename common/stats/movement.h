@@ -1,4 +1,4 @@
-// How an image moves as its iterations grow: the bias of merging is known by it.
+// Movement of an image as its iterations grow: the bias of merging is known by it.
 #pragma once
 
 #include <cstdint>
@@ -45,7 +45,7 @@ class Movement {
 
  private:
   bool fits(const BlockMeans& now) const;
-  // What the last group would be.
+  // The last group as it would be.
   struct Half {
     double g = 0, gg = 0;         // sums over groups of iterations * weight, and * weight^2
     std::vector<float> weighted;  // sums of iterations * weight * mean

@@ -1,4 +1,4 @@
-// Where a process listens or whom it calls.
+// Address at which a process listens, or that it calls.
 #pragma once
 
 #include <string>

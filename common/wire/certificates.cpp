@@ -135,7 +135,7 @@ Result<Credentials> load_credentials(const TlsFiles& tls) {
         .with_field("--tls-key");
   CANDELA_TRY(check_key_is_private(tls.key));
   CANDELA_TRY(check_dates(*chain.front(), tls.cert, "--tls-cert", out.warnings));
-  // Of several authorities an old one may stay for a while.
+  // If there are several authorities, an old one may stay for a while.
   if (authorities.size() == 1)
     CANDELA_TRY(check_dates(*authorities.front(), tls.ca, "--tls-ca", out.warnings));
   if (const std::string why = foreign(chain, authorities); !why.empty())

@@ -16,7 +16,7 @@ struct TlsFiles {
   bool any() const { return !cert.empty() || !key.empty() || !ca.empty(); }
 };
 
-// What a certificate says of its holder.
+// Facts that a certificate states about its holder.
 struct Holder {
   std::string name;  // the subject's common name
   Roles roles;
@@ -25,7 +25,7 @@ struct Holder {
 struct Credentials {
   std::string cert, key, ca;  // the files' contents
   Holder holder;
-  // What does not keep the files from being used: each names the file and the mend.
+  // Warnings, with which the files can be used: each names the file and the mend.
   std::vector<std::string> warnings;
 };
 

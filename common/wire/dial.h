@@ -13,7 +13,7 @@ struct DialOptions {
   std::string master;  // HOST:PORT; errors name it --master
   TlsFiles tls;
   std::optional<Role> role = {};  // that the caller's certificate must have
-  // Of a master without TLS; empty: the one that this user's master made.
+  // For a master without TLS; empty: the one that this user's master made.
   std::filesystem::path token_file = {};
   bool insecure = false;  // allow a master beyond loopback without TLS
   int max_receive_bytes = 64 << 20;

@@ -1,4 +1,4 @@
-// What a caller of the master may do. docs/decisions/077-roles.md
+// Permissions of callers of the master. docs/decisions/077-roles.md
 #pragma once
 
 #include <cstdint>
@@ -28,7 +28,7 @@ class Roles {
   constexpr void add(Role role) { bits_ |= bit(role); }
   constexpr bool empty() const { return bits_ == 0; }
   constexpr bool has(Role role) const { return (bits_ & bit(role)) != 0; }
-  // Whether these roles, with the ones they include, have `role`.
+  // True if these roles, with the ones they include, have `role`.
   constexpr bool allow(Role role) const {
     if (has(role)) return true;
     if (role == Role::submit) return has(Role::operate);

@@ -162,7 +162,7 @@ Error from_status(const grpc::Status& status) {
     error.mend = detail(details, "mend").value_or("");
     return error;
   }
-  // What gRPC itself says about a deadline is "Deadline Exceeded", which tells a person little.
+  // gRPC itself says "Deadline Exceeded", which tells a person little.
   error.message = status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED
                       ? "no answer in time"
                       : line_of(status.error_message());

@@ -158,7 +158,7 @@ Result<void> publish_token(const std::string& token, const fs::path& file) {
 }
 
 bool same_token(std::string_view a, std::string_view b) {
-  // Of hashes, so that the lengths do not tell either.
+  // Compares hashes, so that the lengths do not tell either.
   const std::string x = sha256_hex(a), y = sha256_hex(b);
   return CRYPTO_memcmp(x.data(), y.data(), x.size()) == 0;
 }

@@ -28,7 +28,7 @@ Result<std::string> make_token_file(const std::filesystem::path& file);
 // beside white space.
 Result<std::string> read_token_file(const std::filesystem::path& file);
 
-// Where programs of this user look for the token of the master at an address:
+// Place where programs of this user look for the token of the master at an address:
 // ~/.local/state/candela/masters/HOST-PORT.token. Nothing: this user has no home.
 std::optional<std::filesystem::path> published_token_file(const Address& master);
 // Writes the token there, with mode 0600.
@@ -46,7 +46,7 @@ std::shared_ptr<grpc::Channel> token_channel(const std::string& target,
                                              const std::filesystem::path& file,
                                              const std::optional<Address>& listener = std::nullopt);
 
-// What lets each call of a channel carry `token`.
+// Credentials that make each call of a channel carry `token`.
 std::vector<std::unique_ptr<grpc::experimental::ClientInterceptorFactoryInterface>> token_interceptors(
     std::string token);
 

@@ -22,7 +22,7 @@ namespace {
 constexpr std::size_t kMaxIdentifierBytes = 64;
 using film::kMaxScaleLog2;
 
-// What of a peer's text may be shown in a message: printable, and not long.
+// Shortens a peer's text for a message: printable, and not long.
 std::string shown(std::string_view text) {
   std::string out;
   for (const char c : text.substr(0, 64)) out += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '?' : c;

@@ -76,7 +76,7 @@ Result<std::shared_ptr<grpc::ServerCredentials>> server_credentials(const Addres
 // `role`: what the caller is about to do; an error if its certificate does not have it.
 Result<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(
     const Address& address, const TlsFiles& tls, bool insecure, std::optional<Role> role = std::nullopt);
-// What to do about a certificate that lacks a role.
+// Mend for a certificate that lacks a role.
 std::string needs_role(Role role);
 
 }  // namespace candela::wire

@@ -23,7 +23,7 @@ struct Caller {
   wire::Roles roles;
 };
 
-// What a call is about, if it may be the caller's own.
+// Object of a call, if it may be the caller's own.
 enum class Subject : std::uint8_t {
   farm,          // nobody's
   job,           // the caller's own needs the role, others' need `operate`

@@ -1,4 +1,4 @@
-// What both services share.
+// Parts that both services share.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -33,7 +33,7 @@ grpc::Status answer_early(const grpc::ServerContext& context, grpc::ServerReader
   return status;
 }
 
-// What cannot be forgotten in a handler: an exception is our own mistake or a lack of memory, and ends the
+// Wraps each handler: an exception is our own mistake or a lack of memory, and ends the
 // call alone.
 template <class F>
 grpc::Status guarded(F&& handler) {

@@ -141,7 +141,7 @@ grpc::Status WorkerServiceImpl::AcquireLease(grpc::ServerContext*, const v1::Acq
                         lease.set_bundle_sha256(job.row.bundle_sha256);
                         wire::to_proto(job.row.settings, *lease.mutable_settings());
                         const Unit& unit = job.units.at(row.unit_id).row.unit;
-                        // Of an audit, the pilot's lease is what it was before the pilot.
+                        // In an audit, the pilot's lease is what it was before the pilot.
                         if (job.planned() && unit.kind != Unit::Kind::pilot)
                           wire::to_proto(state_of_units(job.row), *lease.mutable_named_state());
                         wire::to_proto(unit, *lease.mutable_unit());

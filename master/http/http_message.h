@@ -1,4 +1,4 @@
-// What a client sent and what it is sent back, as text of HTTP/1.1.
+// Requests and answers as text of HTTP/1.1.
 #pragma once
 
 #include <cstddef>

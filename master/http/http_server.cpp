@@ -145,7 +145,7 @@ class Server final : public HttpServer {
       polled.assign({{wake_.get(), POLLIN, 0}, {listener_.get(), POLLIN, 0}});
       auto next = Clock::now() + std::chrono::hours(1);
       for (const Connection& c : connections_) {
-        // Of a stream and of a client that waits, what comes is the end of the connection.
+        // A stream, or a client that waits, sends nothing but the end of the connection.
         const bool writes = c.sent < c.size();
         polled.push_back({c.socket.get(), static_cast<short>(writes ? POLLOUT : POLLIN), 0});
         next = std::min(next, c.deadline);
@@ -433,7 +433,7 @@ class Server final : public HttpServer {
   std::atomic<bool> stopping_{false};
   Mutex mutex_;
   std::vector<Message> messages_ CANDELA_GUARDED_BY(mutex_);
-  // Of the thread:
+  // The thread has these:
   std::list<Connection> connections_;  // in the order they came
   std::size_t streams_ = 0;
   std::uint64_t last_id_ = 0;

@@ -1,5 +1,5 @@
-// Which picture a request means, and what shows one number of its pixels in colors: the range of the numbers,
-// and the colors of a map.
+// Finds the picture that a request means, and shows one number of its pixels in colors: the range of the
+// numbers, and the colors of a map.
 #include <fmt/format.h>
 
 #include <algorithm>

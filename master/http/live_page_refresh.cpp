@@ -1,4 +1,4 @@
-// What the page shows, made once for all viewers and sent when it has changed.
+// Makes the content of the page once for all viewers, and sends it when it has changed.
 #include <fmt/format.h>
 #include <pthread.h>
 

@@ -1,4 +1,4 @@
-// What Prometheus sees. Figures are gathered when it asks.
+// Metrics for Prometheus. Figures are gathered when it asks.
 #include <prometheus/counter.h>
 #include <prometheus/gauge.h>
 #include <prometheus/registry.h>
@@ -110,7 +110,7 @@ std::string metrics_text(Farm& farm) {
                static_cast<double>(c.notices.retries));
   page.gauge("candela_merge_queue_bytes", "bytes of deltas under way",
              static_cast<double>(farm.gate().bytes_under_way()));
-  page.gauge("candela_merge_queue_limit_bytes", "bytes of deltas that may be under way",
+  page.gauge("candela_merge_queue_limit_bytes", "maximum bytes of deltas in flight",
              static_cast<double>(farm.options().master.merge_queue_bytes));
   page.gauge("candela_store_backlog", "changes waiting to be written",
              static_cast<double>(farm.writer().backlog()));

@@ -1,4 +1,4 @@
-// What the page reads beside wire::page_json() of jobs and workers. Unknown numbers (NaN) are null; every
+// JSON for the page beside wire::page_json() of jobs and workers. Unknown numbers (NaN) are null; every
 // text is one printable line of UTF-8.
 #pragma once
 

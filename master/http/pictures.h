@@ -24,7 +24,7 @@ class Farm;
 
 inline constexpr std::uint32_t kPageTile = 256;  // pixels a side
 
-// What a picture shows: the image, the error, one layer, or the layers of a mix.
+// Content of a picture: the image, the error, one layer, or the layers of a mix.
 struct PictureKind {
   enum class Kind : std::uint8_t { image, error, layer, mix };
   Kind kind = Kind::image;
@@ -41,7 +41,7 @@ class Picture {
   struct LayerName {
     std::string name, letters;
   };
-  // What the page tells beside the pixels.
+  // Figures that the page shows beside the pixels.
   struct Facts {
     std::uint64_t iterations = 0;
     std::string letters = "RGB";              // of the channels that are shown
@@ -64,7 +64,7 @@ class Picture {
   // above.
   using Develop = std::function<std::vector<float>(std::size_t layer)>;
   Picture(std::uint32_t width, std::uint32_t height, Facts facts, const Develop& develop);
-  // Of all its levels and tiles.
+  // Bytes of all its levels and tiles.
   static std::uint64_t memory_bytes(std::uint32_t width, std::uint32_t height);
   static std::uint64_t mix_memory_bytes(std::uint32_t width, std::uint32_t height, std::size_t layers);
   std::uint64_t iterations() const { return facts_.iterations; }
@@ -74,7 +74,7 @@ class Picture {
   std::size_t first() const { return first_; }
   // Thread-safe. No bytes: there is no such tile.
   Tile tile(std::size_t level, std::uint32_t x, std::uint32_t y, TileForm form);
-  // What make() gave for this question before, or gives now: many viewers ask the same. Thread-safe.
+  // Returns what make() gave for this question, before or now: many viewers ask the same. Thread-safe.
   std::string answer(const std::string& question, const std::function<std::string()>& make);
 
  private:

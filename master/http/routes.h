@@ -1,4 +1,4 @@
-// What the server answers, in one table: docs/openapi.json describes the same, and a test compares both.
+// All answers of the server in one table: docs/openapi.json describes the same, and a test compares both.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// What audits want from the store and the films: the merged units of workers that are distrusted, and jobs
+// Serves audits from the store and the films: the merged units of workers that are distrusted, and jobs
 // that begin anew. docs/decisions/080-audits.md
 #pragma once
 

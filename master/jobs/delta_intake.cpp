@@ -70,7 +70,7 @@ struct Expected {
   std::optional<EpochPlan> epochs;
 };
 
-// Whether a decoded delta is what its header says and the job expects.
+// Checks that a decoded delta is what its header says and the job expects.
 std::optional<Refusal> check(const film::Delta& delta, const DeltaHeader& header, const Unit& unit,
                              const Expected& expected) {
   const film::DeltaInfo& info = delta.info();

@@ -23,7 +23,7 @@
 
 namespace candela::master {
 
-// What a worker says of a delta before it sends it.
+// Header of a delta, which a worker sends first.
 struct DeltaHeader {
   std::string worker_id, job_id;
   std::uint64_t token = 0, unit_id = 0;
@@ -49,9 +49,9 @@ class DeltaIntake {
 
   // Before reading: a verdict if the delta need not be read at all.
   std::optional<Verdict> admit(const DeltaHeader& header);
-  // How a job's deltas stand in the queue: they yield while a unit of a higher priority is leased.
+  // Order of a job's deltas in the queue: they yield while a unit of a higher priority is leased.
   PushGate::Order order_of(const std::string& job_id) const;
-  // How a delta was received.
+  // Way in which a delta was received.
   struct Receipt {
     double seconds = 0, cpu_seconds = 0;
   };

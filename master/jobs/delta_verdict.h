@@ -1,4 +1,4 @@
-// What became of a delta.
+// Verdict on a delta.
 #pragma once
 
 #include <array>

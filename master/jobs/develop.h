@@ -1,4 +1,4 @@
-// How a job's film becomes its image, at the moment of a snapshot.
+// Turns a job's film into its image, at the moment of a snapshot.
 #pragma once
 
 #include <string_view>

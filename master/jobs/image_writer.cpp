@@ -86,7 +86,7 @@ void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot, Which
   m["candela:bootstrap_samples"] = std::to_string(row.chains->bootstrap_samples);
 }
 
-// Which indices are in the image, and the command that makes the same bits.
+// Attributes: the indices in the image, and the command that makes the same bits.
 void describe_set(const JobRow& row, const film::MergedFilm& film, const ImageParts& parts,
                   const SettingsMap& parameters, const std::string& main_path,
                   std::map<std::string, std::string>& m) {
@@ -114,7 +114,7 @@ void describe_set(const JobRow& row, const film::MergedFilm& film, const ImagePa
   m["candela:reproduce"] = shell_line(words_of(command, kOutput));
 }
 
-// How far the decisions had come depends on the run where the job ends amid an epoch.
+// The number of decisions depends on the run if the job ends amid an epoch.
 void describe_epochs(const EpochStatus& status, std::map<std::string, std::string>& m) {
   m["candela:run:epoch"] = std::to_string(status.epoch);
   m["candela:run:epoch_iterations"] = std::to_string(status.iterations);

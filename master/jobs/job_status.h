@@ -1,4 +1,4 @@
-// How jobs and workers stand, as clients and the page are told. The services turn it into messages
+// Status of jobs and workers, as clients and the page are told. The services turn it into messages
 // (master/api/messages.h).
 #pragma once
 
@@ -16,7 +16,7 @@
 
 namespace candela::master {
 
-// How a job of epochs stands: the newest state that is decided, and the statistics behind the decisions.
+// Status of a job of epochs: the newest state that is decided, and the statistics behind the decisions.
 struct EpochStatus {
   std::uint64_t epoch = 0;                            // of the newest decided state
   std::uint64_t first_iteration = 0, iterations = 0;  // of this epoch
@@ -44,11 +44,11 @@ struct JobStatus {
 
   std::uint64_t iterations() const { return row.iterations_of(row.iterations); }
   std::uint64_t checkpoint_iterations() const { return row.iterations_of(row.checkpoint_iterations); }
-  // Of the film beside the image; of chains without the one that is part of the image.
+  // Layers of the film beside the image; for chains without the one that is part of the image.
   std::vector<std::string> layers() const;
   // Samples, by film::RejectCause.
   std::array<std::uint64_t, film::kRejectCauses> rejected() const;
-  // Of a job of chains. b is NaN before the bootstrap is complete.
+  // For a job of chains. b is NaN before the bootstrap is complete.
   chains::Normalisation normalisation() const;
 };
 

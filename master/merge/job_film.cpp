@@ -17,7 +17,7 @@ namespace {
 constexpr std::uint64_t kMaxCheckpointBytes = 1ULL << 38;
 constexpr std::size_t kSpareBytes = 32 << 20;  // address space for calls: their threads have stacks of 8 MB
 
-// Whether the address space has room for other things beside what was just taken.
+// True if the address space has room for other things beside what was just taken.
 bool leaves_room() {
   void* const probe =
       ::mmap(nullptr, kSpareBytes, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
@@ -26,7 +26,7 @@ bool leaves_room() {
   return true;
 }
 
-// Whether `after` can be what segment number `segment` of this chain left of `before`.
+// Checks that `after` can be what segment number `segment` of this chain left of `before`.
 Result<void> follows(const chains::ChainRecord& before, const chains::ChainRecord& after, std::uint64_t chain,
                      std::uint64_t segment) {
   if (before.segments != segment)
@@ -496,7 +496,7 @@ Result<JobFilm::Checkpoint> JobFilm::checkpoint(Room& room) {
   Saved saved;
   Result<void> encoded = within_memory("the film cannot be copied", [&] { return encode_copy(room, saved); });
   if (!encoded.ok()) {
-    // What other jobs left here may be all that is missing.
+    // Memory that other jobs left here may be all that is missing.
     room = {};
     encoded = within_memory("the checkpoint cannot be made", [&] { return encode_in_place(room, saved); });
   }

@@ -109,13 +109,13 @@ class JobFilm {
   };
   // Returns snapshot(Part::image), with its film in `room`. `room` must outlive the snapshot unchanged.
   Snapshot snapshot_in(Room& room);
-  // Which indices are merged, and the counts that came with them; empty where the film is not loaded.
+  // Merged indices, and the counts that came with them; empty if the film is not loaded.
   struct Account {
     std::array<film::IndexSet, 2> merged;
     film::Tallies tallies;
   };
   Account account() const;
-  // Which indices it holds: those that are merged, and those that are ahead.
+  // Indices that it holds: merged ones, and those that are ahead.
   std::array<film::IndexSet, 2> holds() const;
   std::vector<chains::ChainCounts> chain_counts() const;  // empty where it is not loaded
   std::size_t largest_record_bytes() const;
@@ -196,7 +196,7 @@ class JobFilm {
   static std::string set_aside(const Found& found, const Error& error);
   Result<Loading> load() CANDELA_REQUIRES(file_mutex_);
   Result<Verified> verify() CANDELA_REQUIRES(file_mutex_);
-  // What a checkpoint has.
+  // Content of a checkpoint.
   struct Saved {
     bool loaded = false;
     std::uint64_t generation = 0;  // before it

@@ -10,7 +10,7 @@ namespace {
 constexpr int kPushesPerWorker = 2;
 constexpr double kSlowestBytesPerSecond = 16 << 10;
 
-// What deltas that yield may have of `all`.
+// Part of `all` that deltas that yield may have.
 template <class Number>
 Number share_of(Number all, PushGate::Order order) {
   return order == PushGate::Order::yields ? all / 4 * 3 : all;

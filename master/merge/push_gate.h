@@ -22,7 +22,7 @@ class PushGate {
   PushGate(std::uint64_t limit_bytes, unsigned merge_threads);
 
   class Ticket;
-  // Whether a job of a higher priority than the delta's has work to do.
+  // `yields`: a job of a higher priority than the delta's has work to do.
   enum class Order : std::uint8_t { at_once, yields };
   // A place for a delta of `bytes`. ErrorKind::resource where the queue is full (a delta larger than the
   // whole queue is taken when nothing else is under way), kMaxDeltas are under way, or this worker has two

@@ -41,7 +41,7 @@ constexpr double kAuditShare = 0.01;
 
 constexpr const char* kProgram = "candela-master";
 
-// What leases, rows and messages may still take where the system gives no more: some seconds of a large farm.
+// Memory for leases, rows and messages when the system gives no more: some seconds of a large farm.
 constexpr std::size_t kReserveBytes = 32 << 20;
 
 // A connection is a file, and the limit that processes start with is often 1024: a thousand workers reach it.
@@ -220,41 +220,41 @@ int run_master(int argc, char** argv, const SchedulerObserver& observer) {
                  "file with the secret that signs notices (default: notify-secret in the data folder, made "
                  "at the first start)")
       ->type_name("FILE");
-  app.add_option("--tls-cert", texts.tls_cert, "this master's certificate (PEM)")->type_name("FILE");
-  app.add_option("--tls-key", texts.tls_key, "its private key (PEM)")->type_name("FILE");
+  app.add_option("--tls-cert", texts.tls_cert, "certificate of this master (PEM)")->type_name("FILE");
+  app.add_option("--tls-key", texts.tls_key, "private key of that certificate (PEM)")->type_name("FILE");
   app.add_option("--tls-ca", texts.tls_ca,
-                 "the authority that signed workers' and clients' certificates (PEM)")
+                 "certificate of the authority that signed the certificates of workers and clients (PEM)")
       ->type_name("FILE");
   app.add_flag("--insecure", texts.insecure, "serve beyond this machine without TLS");
   app.add_option("--checkpoint-interval", texts.checkpoint_interval,
-                 "at most this long from a merge to its checkpoint (default 10s)")
+                 "maximum time between a merge and its checkpoint (default 10s)")
       ->type_name("TIME");
   app.add_option("--lease-time", texts.lease_time,
-                 "a worker silent for this long loses its units (default 30s)")
+                 "a worker that is silent for this long loses its units (default 30s)")
       ->type_name("TIME");
-  app.add_option("--unit-time", texts.unit_time, "what units are sized to (default 4s)")->type_name("TIME");
+  app.add_option("--unit-time", texts.unit_time, "intended time of a unit (default 4s)")->type_name("TIME");
   app.add_option("--stuck-after", texts.stuck_after,
-                 "a worker without progress for this long loses its unit; with a second one the job fails "
-                 "(default 10m)")
+                 "a worker without progress for this long loses its unit; after a second such worker the job "
+                 "fails (default 10m)")
       ->type_name("TIME");
-  app.add_option("--merge-queue", texts.merge_queue, "bytes of deltas that may be under way (default 512M)")
+  app.add_option("--merge-queue", texts.merge_queue, "maximum bytes of deltas in flight (default 512M)")
       ->type_name("SIZE");
   app.add_option(
          "--memory", texts.memory,
-         "bytes that films, statistics, chains, checkpoints and images of all jobs may take; jobs beyond "
-         "it wait (default: three quarters of what this machine, its control group and the limit of the "
+         "maximum bytes of films, statistics, chains, checkpoints and images of all jobs; further jobs wait "
+         "(default: three quarters of what this machine, its control group and the limit of the "
          "address space allow)")
       ->type_name("SIZE");
   app.add_option("--statistics-memory", texts.statistics_memory,
-                 "bytes of them that the statistics of all jobs may take (default: a third)")
+                 "part of --memory for the statistics of all jobs (default: a third)")
       ->type_name("SIZE");
   app.add_option("--keep-finished", texts.keep_finished,
                  "remove jobs that ended longer ago than this, such as 30d (default: keep them)")
       ->type_name("TIME");
   app.add_option(
          "--audit", texts.audit,
-         "share of units that a second worker renders, too, to compare; the first units of each worker "
-         "come on top; 0: none (default 1%)")
+         "share of units that a second worker also renders, to compare both results; the first units of "
+         "each worker come on top; 0: none (default 1%)")
       ->type_name("SHARE");
   app.add_option("--log-level", texts.log_level, "trace, debug, info, warn, error, off (default info)")
       ->type_name("LEVEL");

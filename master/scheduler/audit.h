@@ -23,11 +23,11 @@ namespace candela::master {
 std::string identity(const WorkerRow& worker);
 std::string_view host_of(std::string_view identity);
 
-// Whether a unit is among the share that is audited: a pure function, by a secret that no worker knows. A
+// True if a unit is among the share that is audited: a pure function, by a secret that no worker knows. A
 // worker that cuts its unit short cannot choose.
 bool is_audited(std::uint64_t secret, const std::string& job_id, const Unit& unit, double share);
 
-// Of what in a pilot's result follows from the job alone: no measured seconds, no text.
+// Hash of the part of a pilot's result that follows from the job alone: no measured seconds, no text.
 std::string pilot_sha256(const PilotResult& result);
 
 // The units that a worker delivers are audited until others have borne out so many.
@@ -57,7 +57,7 @@ struct Audit {
   bool told = false;                 // an event has told of the dispute
 
   const AuditAnswer* of(std::string_view worker) const;
-  // What tells answers apart: contents, or bytes of which no content is known.
+  // Key that tells answers apart: contents, or bytes of which no content is known.
   std::string key(const AuditAnswer& answer) const;
   std::string merged_key() const;
   bool disputed() const;
@@ -67,7 +67,7 @@ struct Audit {
   std::string majority(const std::set<std::string>& able) const;
 };
 
-// Of all audits since the master started.
+// Counts of all audits since the master started.
 struct AuditCounts {
   std::uint64_t equal = 0;  // units that two workers rendered to the same content
   std::uint64_t disputes = 0;
@@ -93,7 +93,7 @@ enum class Reception : std::uint8_t {
   refused,  // it is false, and its worker distrusted from now on
 };
 
-// What audits leave to those who can read the store and the films.
+// Tasks of audits that need the store and the films.
 struct AuditWork {
   struct Doubt {
     std::string job_id;
@@ -109,7 +109,7 @@ struct AuditWork {
   std::vector<Tainting> taints;   // taint() wants the jobs of these workers
 };
 
-// What an ended job says of a worker that is distrusted.
+// Mark of an ended job about a distrusted worker.
 std::string taint_text(const Taint& taint);
 
 }  // namespace candela::master

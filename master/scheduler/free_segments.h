@@ -1,4 +1,4 @@
-// Which segments of Markov chains can be cut into a unit now: pure logic.
+// Finds segments of Markov chains that can be cut into a unit now: pure logic.
 #pragma once
 
 #include <cstdint>

@@ -170,7 +170,7 @@ class SchedulerInvariants {
     return job.merged;
   }
 
-  // What the source will not cut again is merged, in a unit, or not asked for; nothing else may
+  // Indices that the source will not cut again are merged, in a unit, or not asked for; nothing else may
   // be missing, or the job never ends.
   void check_indices(const Job& job, const HalfSets& in_units) {
     const std::string& id = job.row.id;

@@ -455,7 +455,7 @@ Delivery Scheduler::check_delivery(const std::string& worker_id, std::uint64_t t
       it->second.row.job_id != job_id)
     return Delivery::stale;
   const Unit& leased = job->units.at(unit_id).row.unit;
-  // What is compared must be the same iterations.
+  // Only the same iterations can be compared.
   const bool can_be_cut = unit.kind == Unit::Kind::iterations || unit.kind == Unit::Kind::segments;
   const bool cut_short = audit == nullptr && can_be_cut && unit.begin < unit.end && unit.end < leased.end;
   if (leased.kind != unit.kind || leased.half != unit.half || leased.begin != unit.begin ||

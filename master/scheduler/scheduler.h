@@ -62,7 +62,7 @@ struct SchedulerOptions {
 // From so many workers on the scheduler does not look at all of them at each occasion.
 inline constexpr std::size_t kManyWorkers = 64;
 
-// What a worker asks for.
+// Request of a worker for a lease.
 struct LeaseWish {
   bool prefetch = false;  // it is still rendering another unit
   bool full = false;      // its deltas wait: only a unit of higher priority than all that it holds
@@ -165,7 +165,7 @@ class Scheduler {
   // The prefix stays for now if the job must not end, and if a rule that has changed in the meantime may not
   // end it.
   bool prefix_decided(const std::string& id, const WholePrefix& prefix, bool ends, Now now);
-  // What the film has counted, after it dropped what was ahead.
+  // Counts of the film, after it dropped what was ahead.
   void recount(const std::string& id, const film::Tallies& tallies, Now now);
   void checkpointed(const std::string& id, std::uint64_t generation, std::uint64_t iterations, Now now);
   void set_note(const std::string& id, const std::string& note);
@@ -197,7 +197,7 @@ class Scheduler {
   Result<void> resume_worker(const std::string& worker_id, Now now);
   void deregister(const std::string& worker_id, Now now);
   std::string worker_state_name(const WorkerState& worker, Now now) const;
-  // What keeps the worker from going on; empty: nothing.
+  // Reason that keeps the worker from going on; empty: none.
   std::string stuck_text(const WorkerState& worker, Now now) const;
 
   // --- the cycle of a unit ---
@@ -241,11 +241,11 @@ class Scheduler {
               double merge_seconds = 0, const std::string& sha256 = {});
   // The bootstrap found nothing, nor did anything else in a round of all chains.
   void found_black(const std::string& id, Now now);
-  // What the film's records say now, and how long chains have stayed.
+  // Takes the film's records as they are now, and how long chains have stayed.
   void chains_summarised(const std::string& id, const chains::Summary& summary, Now now);
 
   // --- audits ---
-  // What becomes of a delta. Precondition: check_delivery() says ok at this moment.
+  // Decides on a delta. Precondition: check_delivery() says ok at this moment.
   Reception receive(const Delivered& delivered, Now now);
   const std::map<std::string, DistrustRow>& distrusted() const { return distrusted_; }
   const AuditCounts& audit_counts() const { return audit_counts_; }
@@ -265,12 +265,12 @@ class Scheduler {
   // `units`: of the worker, by job.
   void taint(const std::string& who, const std::map<std::string, std::uint64_t>& units,
              const std::set<std::string>& only, Now now);
-  // Of a dispute that nobody has decided; empty: there is none.
+  // Text about a dispute that nobody has decided; empty: there is none.
   std::string dispute_text(const Job& job) const;
 
   // --- epochs ---
   std::vector<EpochJob> epoch_jobs() const;
-  // Whether this is the state of its epoch, as far as one is known. If it is not, the job fails: the sums
+  // True if this is the state of its epoch, as far as one is known. If it is not, the job fails: the sums
   // have changed.
   bool agrees(const StateRow& row, Now now);
   // The state of an epoch is decided, and its bytes are in the blob store. No effect unless it agrees and is
@@ -338,7 +338,7 @@ class Scheduler {
   void restore_chains(Job& job, const RestoredStages& restored, Now now);
   static void restore_states(Job& job, const std::vector<StateRow>& states);
   static void rebuild_reserved(Job& job);
-  // What is worth knowing of a job's chains; empty where nothing is.
+  // Warning about a job's chains; empty: none.
   static std::string chain_message(const JobRow& row);
   UnitState* straggler(Job& job, const WorkerState& worker, Now now);
   UnitState& add_unit(Job& job, const Unit& unit);
@@ -400,7 +400,7 @@ class Scheduler {
   bool end_if_stuck(Job& job, WorkPhase phase, Now now);
   // Cuts units of lower priority where a job waits that no idle worker serves.
   void ask_cuts(Now now);
-  // Of jobs below this priority. False: all are cut already.
+  // Cuts leases of jobs below this priority. False: all are cut already.
   bool cut_leases(const WorkerState& worker, std::int64_t below_priority);
   // The highest priority among the jobs of the worker's leases; the lowest number if it has none.
   std::int64_t highest_priority(const WorkerState& worker);
@@ -449,7 +449,7 @@ class Scheduler {
   bool lives(const WorkerState& worker, Now now) const;
   // Distinct workers that live and could run the job, those set aside included if `all`.
   std::set<std::string> able_workers(const Job& job, bool all, Now now) const;
-  // Whether the unit is for others to try: this worker failed at it, and one that did not could have it.
+  // True if the unit is for others to try: this worker failed at it, and one that did not could have it.
   bool barred(const Job& job, const UnitState& unit, const WorkerState& worker, Now now) const;
   bool offered(const Job& job, const UnitState& unit, const WorkerState& worker, Now now) const {
     return unit.leases.empty() && !unit.waits(now.seconds) && !barred(job, unit, worker, now) &&

@@ -194,7 +194,7 @@ bool Scheduler::decide(Job& job, UnitState& unit, Now now) {
   return true;
 }
 
-// What is merged is compared. Afterwards the unit is gone, and the job may stop or begin anew.
+// Merged content is compared. Afterwards the unit is gone, and the job may stop or begin anew.
 void Scheduler::conclude(Job& job, UnitState& unit, Now now) {
   Audit& audit = *unit.audit;
   const std::string name = what(unit.row.unit, unit.row.id);

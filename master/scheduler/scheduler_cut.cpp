@@ -1,4 +1,4 @@
-// Which unit comes next, and how large it is.
+// Cuts the next unit, and chooses its size.
 #include <algorithm>
 #include <limits>
 
@@ -29,7 +29,7 @@ UnitState& Scheduler::add_unit(Job& job, const Unit& unit) {
   return job.units.emplace(state.row.id, std::move(state)).first->second;
 }
 
-// Whether `worker`, were it free, could have a unit of the job.
+// True if `worker`, were it free, could have a unit of the job.
 bool Scheduler::has_work(const Job& job, const WorkerState& worker, Now now) const {
   return job.source->has_unit(job.view()) ||
          std::any_of(job.maybe_open.begin(), job.maybe_open.end(), [&](std::uint64_t id) {

@@ -18,7 +18,7 @@ constexpr double kPartOfTime = 0.25;
 }  // namespace
 
 double Scheduler::level_seconds(const Job& job, std::uint64_t missing) const {
-  // Those who are at work on the job can do it.
+  // Workers that are at work on the job can do it.
   std::set<std::string> at_work;
   for (const auto& [token, lease] : leases_)
     if (lease.row.job_id == job.row.id) at_work.insert(lease.row.worker_id);

@@ -1,4 +1,4 @@
-// Which jobs may have the master's memory.
+// Admits jobs to the master's memory.
 //
 // A job is admitted after its pilot, when what it needs fits beside the jobs that are admitted already, and
 // keeps its memory until it ends. Jobs that wait are admitted in the order of priority, then of submission;
@@ -34,7 +34,7 @@ MemoryNeed need_of(const JobRow& row, const WorkPlan& work, std::size_t record_b
   MemoryNeed need =
       memory_need(work, s.width, s.height, std::max<std::uint64_t>(record_bytes, kGuessedRecordBytes));
   if (row.stop.relmse == 0) return need;
-  // What is beyond a prefix has a film of its own, and sums of each half. Its epochs are none of before.
+  // Deltas beyond a prefix have a film of their own, and sums of each half. Its epochs are none of before.
   WorkPlan beyond;
   for (const film::AccumulatorSpec& spec : work.accumulators)
     if (spec.per == film::AccumulatorSpec::Per::job) beyond.accumulators.push_back(spec);

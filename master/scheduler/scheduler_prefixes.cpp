@@ -40,7 +40,7 @@ void Scheduler::place_prefix(Job& job, bool with_units) {
   if (!with_units) drop_off_step(job);
 }
 
-// What is rendered beyond the step after the prefix would be merged before it is looked at.
+// Indices beyond the step after the prefix would be merged before the prefix is looked at.
 void Scheduler::drop_off_step(Job& job) {
   const PrefixBorder border = job.border();
   const std::array<std::uint64_t, 2> open_to = job.view().open_to;

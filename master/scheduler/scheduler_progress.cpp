@@ -54,7 +54,7 @@ void Scheduler::give_up_stuck(Now now) {
   for (const auto& [token, lease] : leases_)
     if (computes(lease) && now.seconds - lease.stepped > options_.stuck_seconds) {
       const auto worker = workers_.find(lease.row.worker_id);
-      // Of a worker that is not heard of nobody knows whether it goes on.
+      // A silent worker may or may not go on: nobody knows.
       if (worker != workers_.end() && now.seconds - worker->second.last_seen < options_.lease_seconds)
         stuck.push_back(token);
     }
@@ -154,7 +154,7 @@ void Scheduler::ask_cuts(Now now) {
   }
   if (places.empty()) return;
   const double per_worker = threads / static_cast<double>(places.size());
-  // Those of the least priority first, and of these those that would be busy for longest.
+  // Units of the lowest priority first, and among them those that would take longest.
   std::stable_sort(places.begin(), places.end(), [](const Place& a, const Place& b) {
     return a.priority != b.priority ? a.priority < b.priority : a.end > b.end;
   });

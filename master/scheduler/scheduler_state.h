@@ -1,4 +1,4 @@
-// What the scheduler keeps of leases, units, jobs and workers. Its source files change it, under one lock.
+// State of leases, units, jobs and workers in the scheduler. Its source files change it, under one lock.
 #pragma once
 
 #include <array>
@@ -47,7 +47,7 @@ struct Lease {
   double stepped = 0;  // when the steps last grew
 };
 
-// What a heartbeat says of one unit.
+// Report of a heartbeat about one unit.
 struct UnitReport {
   UnitReport(std::uint64_t of_token, std::optional<WorkPhase> in_phase = {}, std::uint64_t so_many_steps = 0)
       : token(of_token), phase(in_phase), steps(so_many_steps) {}
@@ -78,13 +78,13 @@ struct UnitState {
   bool waits(double seconds) const { return trouble && trouble->retry_at > seconds; }
 };
 
-// How a worker has fared with a job since it last delivered something of it.
+// Failures of a worker with a job since its last delivery for the job.
 struct Standing {
   std::uint32_t failures = 0;  // in a row
   double retry_at = 0;         // earliest retry of the job on this worker
 };
 
-// How far a job had come at some time.
+// Progress of a job at some time.
 struct Progress {
   double seconds = 0;
   std::uint64_t samples = 0, indices = 0;
@@ -119,7 +119,7 @@ struct Job {
   std::uint64_t under_way = 0;  // workers whose oldest lease is one of these: they compute it
   double unleased_since = 0;    // of a job without leases
   double last_saved = 0;
-  // Of a job that ends by its error: the prefix that is to be looked at next, in rounds of a half
+  // For a job that ends by its error: the prefix that is to be looked at next, in rounds of a half
   // (prefixes.h); 0: none. The version changes whenever that may.
   std::uint64_t prefix = 0, prefix_version = 0;
   std::uint64_t units_ahead = 0;  // merged beyond it
@@ -127,7 +127,7 @@ struct Job {
 
   std::unique_ptr<UnitSource> source;  // of the present stage
 
-  // Of a job of chains.
+  // For a job of chains.
   std::vector<std::uint64_t> starts;  // of each chain: a bootstrap sample
   std::size_t record_bytes = 0;       // of the largest chain record seen
   std::uint64_t reported_stay = 0;    // the longest stay of a chain that an event has reported
@@ -175,10 +175,10 @@ struct Job {
   std::uint64_t target(std::uint32_t half) const;
   // The same without exact indices, and while it does not end level.
   std::uint64_t limit(std::uint32_t half) const;
-  // What it does not ask for below target().
+  // Indices below target() that it does not ask for.
   HalfSets unwanted() const;
   PrefixBorder border() const;
-  // Whether the stop rule's number of iterations may end the job: all prefixes up to there are decided.
+  // True if the stop rule's number of iterations may end the job: all prefixes up to there are decided.
   bool prefixes_done() const;
   // Nothing of what it has lost lies beyond the prefix.
   bool prefix_has_promised() const;

@@ -1,4 +1,4 @@
-// How many threads the queue could use: what an engine that starts workers scales by.
+// Number of threads that the queue could use: an engine that starts workers scales by it.
 #include <algorithm>
 #include <cmath>
 #include <map>

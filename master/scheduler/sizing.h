@@ -1,4 +1,4 @@
-// How large a unit is: pure arithmetic.
+// Computes the size of a unit: pure arithmetic.
 #pragma once
 
 #include <cstdint>

@@ -92,7 +92,7 @@ class UnitSource {
   virtual ~UnitSource() = default;
   virtual Unit::Kind kind() const = 0;
   virtual StageCost cost() const { return {}; }
-  // Whether its units are summed in the job's film, so that the stop rule ends it.
+  // True if its units are summed in the job's film, so that the stop rule ends it.
   virtual bool makes_film() const { return true; }
   // Plural noun of its indices, for people.
   virtual std::string_view noun() const { return "iterations"; }
@@ -124,7 +124,7 @@ class UnitSource {
   // The epoch whose state can and must be decided next.
   virtual std::optional<std::uint64_t> due_decision(const JobView&) const { return std::nullopt; }
 
-  // Whether these indices can be rendered without any others; `why` says what they lack.
+  // True if these indices can be rendered without any others; `why` says what they lack.
   virtual bool complete(const HalfSets&, std::string& /*why*/) const { return true; }
 
   // A stage whose units bring parts of one table. Null for others.
@@ -133,7 +133,7 @@ class UnitSource {
   virtual Result<void> add(const Unit& unit, std::span<const float> values);
 
  protected:
-  // Whether a unit of indices that nobody has could be rendered now.
+  // True if a unit of indices that nobody has could be rendered now.
   virtual bool ready(const JobView&, const Unit&) const { return true; }
   // The half to cut from first: halves advance together, so that an error estimate is there early.
   std::uint32_t half_behind() const { return reserved_[0].count() <= reserved_[1].count() ? 0 : 1; }

@@ -150,7 +150,7 @@ class Backup {
     return true;
   }
 
-  // What is in the job's folder now; false where it lost its checkpoints to newer ones meanwhile.
+  // Lists the job's folder as it is now; false if it lost its checkpoints to newer ones meanwhile.
   Result<bool> add_folder(const std::string& id) {
     const fs::path path = fs::path("jobs") / id;
     CANDELA_TRY(make_directories(to_ / path));
@@ -242,7 +242,7 @@ Result<BackupReport> back_up(const BackupOptions& options) {
   if (lock.get() < 0) return copy_error("cannot write the backup", partial);
   if (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
     return usage_error("another backup is being written there").at(partial.string(), 0);
-  // What a backup left that was broken off.
+  // Remains of a backup that was broken off.
   for (fs::directory_iterator it(partial, code), end; !code && it != end; it.increment(code))
     fs::remove_all(it->path(), code);
   Result<BackupReport> report =

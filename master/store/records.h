@@ -1,4 +1,4 @@
-// What the master remembers: jobs, units, leases, workers, events. Plain rows, shared by the scheduler (which
+// Records of the master: jobs, units, leases, workers, events. Plain rows, shared by the scheduler (which
 // decides) and the store (which keeps); neither knows the other.
 #pragma once
 
@@ -34,7 +34,7 @@ struct Taint {
   bool operator==(const Taint&) const = default;
 };
 
-// What is known of those who made a job, beside its merged units. Workers by identity (audit.h).
+// Facts about the workers that made a job, beside its merged units. Workers by identity (audit.h).
 struct JobAudit {
   std::string pilot_sha256;           // of what is pure in the pilot's result; empty: not known
   std::vector<std::string> pilot_by;  // who brought this result
@@ -99,7 +99,7 @@ struct JobRow {
   std::optional<JobState> repairs_to;
   JobAudit audit;
 
-  // What people call iterations: indices, but of a job of chains rounds, in which every chain has one
+  // Iterations as people count them: indices, or for a job of chains rounds, in which every chain has one
   // segment.
   std::uint64_t indices_per_iteration() const { return chains ? chains->chains : 1; }
   std::uint64_t iterations_of(std::uint64_t indices) const { return indices / indices_per_iteration(); }
@@ -132,7 +132,7 @@ inline WorkPlan work_of(const JobRow& row) {
   return {row.layers, row.accumulators, row.chains, row.epochs, row.development};
 }
 
-// How the job's film is read, by the counts of its chains at that moment.
+// Development of the job's film, by the counts of its chains at that moment.
 inline film::Development development_of(const JobRow& row, std::span<const chains::ChainCounts> counts) {
   if (!row.chains || !row.named_state) return {};
   return chains::development(row.named_state->bootstrap_b, chains::pool(row.bootstrap, counts));
@@ -148,7 +148,7 @@ struct UnitRow {
   std::string worker_id;    // who delivered it
   std::uint64_t token = 0;  // with which lease
   double seconds = 0;       // render time of the merged delta
-  // Of a merged unit: who brought this content, by identity (audit.h), the deliverer first; and the SHA-256
+  // For a merged unit: who brought this content, by identity (audit.h), the deliverer first; and the SHA-256
   // of the merged delta. Empty: not known.
   std::vector<std::string> by;
   std::string sha256;
@@ -161,7 +161,7 @@ struct LeaseRow {
   bool speculative = false;
 };
 
-// What a unit of bootstrap samples brought. Kept until the whole bootstrap is there, then its starts are.
+// Result of a unit of bootstrap samples. Kept until the whole bootstrap is there, then its starts are.
 struct BootstrapRow {
   std::string job_id;
   std::uint64_t begin = 0;

@@ -147,7 +147,7 @@ CREATE TABLE distrusted (
 // The choice of audited units must be nothing that a worker can compute.
 inline constexpr const char* kAuditSecret =
     "INSERT OR IGNORE INTO counters VALUES ('audit-secret', random())";
-// Those before version 3 had no such table.
+// Stores before version 3 had no such table.
 inline constexpr const char* kBootstrapsFromVersion5 =
     "ALTER TABLE bootstraps ADD COLUMN rejected_statistics INTEGER NOT NULL DEFAULT 0";
 inline constexpr const char* kStateTable = R"sql(

@@ -26,7 +26,7 @@
 
 namespace candela::master {
 
-// What the comparison of a job with its files found, or of the store with its folders.
+// Findings of the comparison of a job with its files, or of the store with its folders.
 struct JobReport {
   struct Finding {
     std::string part;  // "film", "ledger", "scene", "state", "store"

@@ -1,4 +1,4 @@
-// What JobTruth asks of the farm around it. The farm implements it, so that nothing in this folder knows the
+// The interface of the farm for JobTruth. The farm implements it, so that nothing in this folder knows the
 // farm.
 #pragma once
 

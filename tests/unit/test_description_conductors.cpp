@@ -127,7 +127,7 @@ TEST(DescriptionConductors, Refusals) {
   EXPECT_EQ(
       refusal(material("Unobtainium")),
       "scene.xml:1: 'Unobtainium' is no material with measured indices of refraction (give eta and k, or one "
-      "of the names in docs/scenes.md)");
+      "of the names in docs/plugins.md)");
   EXPECT_EQ(refusal(material("Au") + "<rgb name='k' value='1'/>"),
             "scene.xml:1: bsdf 'conductor' has both 'material' and 'k' (leave one of them out)");
 }

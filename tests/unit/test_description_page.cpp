@@ -11,16 +11,16 @@
 namespace candela::description {
 namespace {
 
-// Claim: docs/scenes.md is what the loader does. With CANDELA_REWRITE_DOCS=1 the test writes the page.
+// Claim: docs/plugins.md is what the loader does. With CANDELA_REWRITE_DOCS=1 the test writes the page.
 TEST(DescriptionPage, CommittedPageIsTheTable) {
-  const std::filesystem::path path = test::source_path("docs/scenes.md");
+  const std::filesystem::path path = test::source_path("docs/plugins.md");
   if (std::getenv("CANDELA_REWRITE_DOCS") != nullptr) {
     ASSERT_TRUE(write_file_atomically(path, support_table_markdown()).ok());
   }
   const auto page = read_file(path, 1 << 20);
   ASSERT_TRUE(page.ok()) << page.error().to_string();
   EXPECT_EQ(*page, support_table_markdown())
-      << "run this test with CANDELA_REWRITE_DOCS=1 and commit docs/scenes.md";
+      << "run this test with CANDELA_REWRITE_DOCS=1 and commit docs/plugins.md";
 }
 
 // Claim: the table has no plugin or parameter twice, and each says what it is.
@@ -44,7 +44,7 @@ TEST(DescriptionPage, NamesEveryParameter) {
   const std::string page = support_table_markdown();
   for (const PluginRule& plugin : vocabulary()) {
     if (plugin.category == "scene") continue;
-    const std::size_t begin = page.find("\n### " + std::string(plugin.category) + "\n");
+    const std::size_t begin = page.find("\n## " + std::string(plugin.category) + "\n");
     ASSERT_NE(begin, std::string::npos) << plugin.category;
     const std::string section = page.substr(begin, page.find("\n##", begin + 1) - begin);
     const std::string before = section.substr(0, section.find("\n**"));

@@ -178,7 +178,7 @@ TEST(MediumStructures, PhotonsAreFoundInTheirMedium) {
       });
       for (const PhotonPoints* points : {&both, &searches}) {
         RangeSearch::Query steps;
-        points->announce(medium, s.origin, radius);
+        points->prefetch(medium, s.origin, radius);
         points->find(medium, s.origin, radius, steps);
         Found found;
         points->near_point(medium, steps, [&](const Photon<MisBlock>& photon, float) {

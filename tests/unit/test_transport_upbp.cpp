@@ -387,7 +387,7 @@ void expect_values_of_merges(const scene::Scene& scene, const MediumMerges& eta,
   MediumGather gather(scene, maps);
   gather.begin(with_surfaces);
   MediumShares found;
-  gather.announce(eye_end);
+  gather.prefetch(eye_end);
   gather.start(eye_end);
   Spectrum sum;
   found.point_point = gather.finish(sum);

@@ -369,7 +369,7 @@ class SumTest {
     MediumGather gather(scene_, maps);
     gather.begin(eta_);
     MediumShares found;
-    gather.announce(y);
+    gather.prefetch(y);
     gather.start(y);
     Spectrum sum;
     found.point_point = gather.finish(sum);

@@ -44,7 +44,7 @@ struct FirstVertexSetup {
   // The techniques after it: all points by the first selection, then all by the second, ...
   std::vector<scene::LightTechnique> selections;
   std::vector<scene::PointSampler> points = {scene::PointSampler::own};
-  // Of the selections, the one that has weights (light_weights.h), if any.
+  // The selection that has weights (light_weights.h), if any.
   static constexpr std::size_t kNone = ~std::size_t{0};
   std::size_t trained = kNone;
   scene::LightPartition partition = scene::LightPartition::one;
@@ -212,7 +212,7 @@ class FirstVertex {
     std::size_t group, technique, sample, selection, point;
   };
 
-  // Of trained selection alone; not inlined, to leave the path without it as it was.
+  // For trained selection alone; not inlined, so that the path without it costs no more.
   [[gnu::noinline]] void enter_cell(const scene::Lights& lights, Vec3 p) {
     const std::uint32_t cell = lights_->cell(p);
     if (cell != cell_) weights_ = lights.weights(lights_->of_cell(cell), node_weights_);

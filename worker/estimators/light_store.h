@@ -15,7 +15,7 @@ namespace candela::estimators {
 // keep all threads busy.
 inline constexpr std::uint64_t kLightChunk = 1024;
 
-// Which vertices of light paths are kept.
+// Selects the vertices of light paths that are kept.
 struct LightKeeping {
   bool vertices = false, surface_photons = false, medium_photons = false;
   bool caustics_only = false;  // only photons that arrive from a specular vertex

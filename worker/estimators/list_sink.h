@@ -30,7 +30,7 @@ class ListSink {
     const Spectrum value = light.weighted() * (per_light_ * factor_);
     if (out_->add(at, value) && labels != nullptr) out_->label(*labels);
   }
-  // Of a configuration that mollifies.
+  // For a configuration that mollifies.
   void mollified_eye(const transport::Contribution& found, std::uint32_t s, std::uint32_t t) {
     eye(found, s, t);
   }

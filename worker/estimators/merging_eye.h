@@ -94,7 +94,7 @@ class VcmEye : public transport::EyeTechniques {
     return sum_;
   }
 
-  // Of the path that was traced last.
+  // Statistics of the path that was traced last.
   const Statistics& statistics() const { return gather_.statistics(); }
   Spectrum merged() const { return merged_; }
   transport::LayerSums* layer_sums() { return reads_letters() ? &letters_->sums() : nullptr; }
@@ -116,7 +116,7 @@ class VcmEye : public transport::EyeTechniques {
     }
   }
   bool vertex(const EyeWalk& walk, const Vertex& v) {
-    if (v.connectible) announce(v);
+    if (v.connectible) prefetch(v);
     transport::Contribution found;
     transport::Towards towards;
     if (v.connectible && v.edges < options_.max_depth) {
@@ -144,9 +144,9 @@ class VcmEye : public transport::EyeTechniques {
   bool reads_letters() const { return transport::reads_letters<kBetween>(letters_ ? &*letters_ : nullptr); }
 
   // The steps of merging.
-  void announce(const Vertex& v) const {
-    gather_.announce(v);
-    if constexpr (Beams::kMerges) beams_.announce(v);
+  void prefetch(const Vertex& v) const {
+    gather_.prefetch(v);
+    if constexpr (Beams::kMerges) beams_.prefetch(v);
   }
   void start(const Vertex& v) {
     gather_.start(v);
@@ -263,7 +263,7 @@ class PpmEye : public transport::EyeTechniques {
     return sum_;
   }
 
-  // Of the path that was traced last.
+  // Statistics of the path that was traced last.
   const Statistics& statistics() const { return gather_.statistics(); }
   Spectrum merged() const { return merged_; }
   transport::LayerSums* layer_sums() { return reads_letters() ? &letters_->sums() : nullptr; }

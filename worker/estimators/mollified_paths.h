@@ -25,7 +25,7 @@ class MollifiedPaths {
  public:
   explicit MollifiedPaths(const transport::ConnectContext& eye) : eye_context_(eye) {}
 
-  // Of the paths to come.
+  // Sets the bandwidth of the paths to come.
   void set_bandwidth(double bandwidth) { mollifier_ = transport::Mollifier(bandwidth); }
 
   void clear_light() {
@@ -96,7 +96,7 @@ class MollifiedPaths {
   }
 
  private:
-  // Where the edge under way began; not finite: infinitely far away.
+  // Start of the edge under way; not finite: infinitely far away.
   struct Start {
     Vec3d place;
     bool finite = true;

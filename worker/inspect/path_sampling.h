@@ -24,7 +24,7 @@ class PathSampling {
   std::uint64_t batches() const { return batches_; }
   std::uint64_t task_count() const { return batches_ * stretches_; }
   std::uint64_t batch_of(std::uint64_t task) const { return task % batches_; }
-  // Of each pixel.
+  // Samples of each pixel.
   std::uint64_t samples_in(std::uint64_t batch) const { return (spp_ - batch + batches_ - 1) / batches_; }
 
   // A pure function of its arguments; from any thread.

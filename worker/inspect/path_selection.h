@@ -8,7 +8,7 @@
 
 namespace candela::inspect {
 
-// Whether the light of one color channel (0 to 2) is selected.
+// True if the light of one color channel (0 to 2) is selected.
 bool is_selected(const Session& session, const RecordedPath& path, std::size_t channel);
 
 }  // namespace candela::inspect

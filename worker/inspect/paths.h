@@ -1,4 +1,4 @@
-// Where the light of some pixels comes from: paths of bidirectional path tracing, clustered by their strings.
+// Origin of the light of some pixels: paths of bidirectional path tracing, clustered by their strings.
 //
 // Recursive clustering [Kaplanyan 2017, 9.1.1.2]: paths are grouped by the vertex next to one end; the group
 // with most light is split by the next vertex, and so on while there are few groups.

@@ -52,7 +52,7 @@ class RecordingSink {
   void add_vertex(const Vertex& v, Vec3 wi, scene::TransportMode mode, bool delta);
   // v and those before it, v first; the path goes on from v along wi. ends: v is the end of its subpath.
   void add_eye_side(const Subpath& eye, const Vertex* v, Vec3 wi, bool ends);
-  // Those before z, the first one first, and z.
+  // Adds the vertices before z, the first one first, and z.
   void add_light_side(const Subpath& light, const Vertex& z, Vec3 wi, bool ends);
   void finish(Vec3 eye, Spectrum value);
   // The filters of the pixels at this place of the film.

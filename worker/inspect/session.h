@@ -54,8 +54,8 @@ class Session {
   std::uint32_t regions_at(Vec3 p) const;
   // In the coordinates of the scene's file.
   Vec3d in_file(Vec3 p) const { return Vec3d(p) + scene_->offset(); }
-  // Where the camera sees a point of the scene, on the film or up to its size beside it. Nothing: it does
-  // not. Surfaces in between do not count.
+  // Place at which the camera sees a point of the scene, on the film or up to its size beside it. Nothing: it
+  // does not. Surfaces in between do not count.
   std::optional<Vec2> project(Vec3 p) const;
 
  private:

@@ -80,7 +80,7 @@ class CellConsumer final : public PathConsumer {
   TaskSums sums_;
 };
 
-// How bright a contribution is, of all light.
+// Mean brightness of a contribution, over all light.
 class MeanContribution final : public PathConsumer {
  public:
   void add(const RecordedPath& /*path*/, Spectrum value, std::uint64_t /*key*/) override {

@@ -28,7 +28,7 @@ struct CommonSettings {
     visit(kMaxDepth.name, max_depth, kMaxDepth.minimum, kMaxDepth.maximum,
           "edges of the longest path; -1 none, 1 shows emitters only, 2 adds direct light");
     visit(kRrDepth.name, rr_depth, min_rr_depth, kRrDepth.maximum, rr_doc);
-    visit(kHideEmitters.name, hide_emitters, "emitters do not show themselves to the camera");
+    visit(kHideEmitters.name, hide_emitters, "the camera does not see emitters");
   }
   template <class Visitor>
   void plan_field(Visitor& visit) {

@@ -1,4 +1,4 @@
-// What every integrator is to the renderer.
+// The interface of all integrators.
 #pragma once
 
 #include <cstdint>

@@ -2,7 +2,7 @@
 // number). What a path adds to the film it splats (UnitFilm::splat: integer adds, the same in any order), so
 // nothing depends on the threads.
 //
-// What else the paths leave behind (a photon map) must not depend on them either: a chunk has a number,
+// Other results of the paths (a photon map) must not depend on them either: a chunk has a number,
 // begin / kLightChunk, so that each can write to a place of its own that is joined in the order of numbers.
 #pragma once
 

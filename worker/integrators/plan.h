@@ -1,4 +1,4 @@
-// What an integrator will do with a scene, and what it leaves out, each with the reason (law 5).
+// The plan of an integrator: techniques that run on a scene, and that are left out, with reasons (law 5).
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,7 @@ struct Plan {
   void skip(std::string technique, std::string reason) {
     items.push_back({PlanItem::Kind::skip, std::move(technique), std::move(reason)});
   }
-  // What the user should know before trusting the image.
+  // A warning for the user, before the image is trusted.
   void note(std::string subject, std::string warning) {
     items.push_back({PlanItem::Kind::note, std::move(subject), std::move(warning)});
   }

@@ -1,5 +1,5 @@
-// What can stand between two vertices of a scene's paths: the choice of the kernel's form, and its lines in
-// the plan, the same for every integrator.
+// Content of the edges of a scene's paths (between two vertices): the choice of the kernel's form, and its
+// lines in the plan, the same for every integrator.
 #pragma once
 
 #include <string>

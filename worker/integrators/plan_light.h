@@ -1,4 +1,4 @@
-// What the plan has to say about light that an integrator finds by luck, or never.
+// Warnings of the plan about light that an integrator finds by luck, or never.
 #pragma once
 
 #include <cstdint>
@@ -11,18 +11,18 @@
 
 namespace candela::integrators {
 
-// How an integrator comes to light behind mirrors and glass.
+// Ways in which an integrator finds light behind mirrors and glass.
 enum class Finds : std::uint8_t {
   eye_paths,    // by eye paths that happen to hit an emitter
   connections,  // by light paths too, but for what meets the eye over glass again
 };
-// Whether an integrator mollifies light that it cannot sample (regularise.h).
+// Mollification of light that an integrator cannot sample (regularise.h).
 enum class Mollifies : std::uint8_t {
   never,  // it has no such setting
   if_asked,
   always,  // it was asked
 };
-// What is missing, and the ways out: another integrator, or regularise=on. Empty: no light that is known of.
+// Missing light, and the ways out: another integrator, or regularise=on. Empty: none is known.
 std::string missing_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds,
                           Mollifies mollifies);
 // The same of an integrator with these settings, which are complete.

@@ -1,4 +1,4 @@
-// What the plan has to say about the walks of transport/walk.h, the same for every integrator that has them.
+// Warnings of the plan about the walks of transport/walk.h, the same for every integrator that has them.
 #pragma once
 
 #include <cstdint>

@@ -23,16 +23,16 @@ struct RegulariseSettings {
   template <class Visitor>
   void fields(Visitor& visit) {
     visit("regularise", regularise,
-          "on blurs light that no technique of this integrator can sample, and shows it; off leaves it out");
+          "on: show light that no technique of this integrator can sample, blurred; off: leave it out");
     visit("regularise_radius", radius, NumberRange{0, 1, true},
           "first radius of the blur, as a fraction of the radius of the scene's bounding sphere");
     visit("regularise_exponent", exponent, NumberRange{0, 0.5, false, true},
-          "the radius falls as n^-exponent over the job; 0: it stays, and so does the bias");
+          "the radius falls as n^-exponent over the job; 0: the radius and the bias stay");
   }
 };
 
-// What runs in a scene, and its bandwidths. Bandwidths are a function of the settings, the scene and the
-// sample's index in the job.
+// Tells if it runs in a scene, and its bandwidths. Bandwidths are a function of the settings, the scene and
+// the sample's index in the job.
 class Regularization {
  public:
   Regularization() = default;

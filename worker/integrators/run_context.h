@@ -1,4 +1,4 @@
-// How a unit runs, as opposed to what it computes: but for the fault of tests, nothing here changes its sums.
+// Circumstances of a unit, not its content: but for the fault of tests, nothing here changes its sums.
 #pragma once
 
 #include <atomic>

@@ -26,7 +26,7 @@ struct MeshAttribute {
 // The attributes that a loader is asked for. A file that lacks one is an error.
 struct WantedAttributes {
   std::vector<std::string> names;
-  // Whether colors are sRGB. If empty, integer values are sRGB and float values are linear, as in Mitsuba 3.
+  // True if colors are sRGB. If empty, integer values are sRGB and float values are linear, as in Mitsuba 3.
   std::optional<bool> srgb;
 };
 

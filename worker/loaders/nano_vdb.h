@@ -10,7 +10,7 @@
 
 namespace candela::loaders {
 
-// Whether the bytes start as a file of NanoVDB does.
+// True if the bytes start as a file of NanoVDB does.
 inline bool is_nano_vdb(std::string_view bytes) {
   return bytes.starts_with("NanoVDB");
 }

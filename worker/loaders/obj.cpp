@@ -22,7 +22,7 @@ namespace {
 constexpr std::uint32_t kAbsent = 0xffffffffu;
 constexpr std::size_t kPartBytes = std::size_t{1} << 20;
 
-// How many of each there are.
+// Numbers of each kind.
 struct Counts {
   std::size_t positions = 0, uvs = 0, normals = 0, lines = 0;
 };
@@ -376,7 +376,7 @@ std::vector<T> joined(std::vector<Part>& parts, std::vector<T> Part::*member) {
   return out;
 }
 
-// Whether every corner has index i of the other kind exactly where it has position i, or none has any.
+// True if every corner has index i of the other kind exactly where it has position i, or none has any.
 bool same_as_positions(const std::vector<Part>& parts, Corners Part::*member) {
   std::size_t present = 0, all = 0;
   for (const Part& part : parts) {

@@ -99,7 +99,7 @@ Result<std::vector<PieceList>> load_pbrt_curves(std::string_view bytes, const st
   if (offset < 0 || static_cast<std::uint64_t>(offset) >= bytes.size())
     return error_at(first, "the offset of a shape lies outside of the file");
   Tokens tokens(name, bytes, static_cast<std::size_t>(offset), line, nullptr, budget);
-  // Of a piece and of a tube around it, while the shape is made.
+  // Bytes of a piece and of a tube around it, while the shape is made.
   constexpr std::uint64_t kPieceBytes = sizeof(CubicPiece) + 4096;
   description::Charge charge(budget);
   std::vector<PieceList> result;

@@ -226,7 +226,7 @@ class Reader {
 
   std::size_t left() const { return bytes_.size() - at_; }
 
-  // Whether `count` rows of at least `size` bytes can follow.
+  // True if `count` rows of at least `size` bytes can follow.
   bool holds(std::uint64_t count, std::size_t size) const { return size == 0 || count <= left() / size; }
 
   void read_row(const char* at, const Element& element, bool swap, Row& row) const {

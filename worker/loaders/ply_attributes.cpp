@@ -1,4 +1,4 @@
-// Which numbers of a PLY file's rows are attributes of vertices and of faces.
+// Finds the numbers of a PLY file's rows that are attributes of vertices and of faces.
 #include <fmt/format.h>
 
 #include <optional>

@@ -77,7 +77,7 @@ Result<Header> read_header(std::string_view bytes, const std::string& name);
 inline constexpr std::size_t kMostAttributes = 16;
 Result<void> find_attributes(Header& header, const std::vector<std::string>& wanted, const std::string& name);
 
-// What a file says, for messages.
+// Text of a file, for messages.
 std::string shown(std::string_view text);
 
 }  // namespace candela::loaders::ply

@@ -95,7 +95,7 @@ class Outline {
     while (alive_ > 3) {
       const std::uint32_t before = alive_;
       if (!pass(true, out)) return false;
-      // What has no ear crosses itself.
+      // A polygon without an ear crosses itself.
       if (alive_ == before && !pass(false, out)) return false;
     }
     out.push_back(triangle_at(first_alive()));
@@ -298,7 +298,7 @@ class Cutter {
   }
 
  private:
-  // Of a fan, in order.
+  // Takes the corners of a fan, in order.
   void take_corners(const Triangles& triangles, const Polygon& polygon) {
     const auto* const fan = triangles.data() + polygon.first_triangle;
     corners_.assign({fan[0][0], fan[0][1]});

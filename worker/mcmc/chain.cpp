@@ -21,10 +21,10 @@ std::uint64_t purpose_key(std::uint64_t key, Purpose purpose) {
   return rng::combine(key, kPurposes + purpose);
 }
 
-// How many mutations may go by before a stop is seen or progress told.
+// Mutations between two looks for a stop and reports of progress.
 constexpr std::uint64_t kGlance = 16;
 
-// What goes to the film of one chain.
+// Contributions of one chain to the film.
 class Splats final : public Deposit {
  public:
   Splats(const ChainRules& rules, const ChainOutlets& outlets)

@@ -39,7 +39,7 @@ struct ChainRules {
 // The key of bootstrap sample i, which is where a chain that starts there starts from.
 std::uint64_t bootstrap_key(std::uint64_t seed, std::uint64_t sample);
 
-// How far a unit's chains are, for all its threads.
+// Progress of a unit's chains, for all its threads.
 class ChainProgress {
  public:
   // told: may be null; in [0, 1].
@@ -56,7 +56,7 @@ class ChainProgress {
   std::atomic<std::uint64_t> done_{0};
 };
 
-// Where what a chain does goes to.
+// Receivers of the contributions and counts of a chain.
 struct ChainOutlets {
   const transport::Splatter* film = nullptr;  // null: nowhere (tests of the chain alone)
   film::Tallies& tallies;                     // rejected samples
@@ -68,8 +68,8 @@ struct ChainOutlets {
   const transport::PathLetters* letters = nullptr;
 };
 
-// Where what mutations bring goes to. The weight of a list leaves out the number of mutations and pixels; the
-// key names it.
+// Receives the contributions of mutations. The weight of a list leaves out the number of mutations and
+// pixels; the key names it.
 class Deposit {
  public:
   virtual ~Deposit() = default;

@@ -130,7 +130,7 @@ std::string PrimaryState::save() const {
   film::put_u64(out, base_);
   film::put_u64(out, now_);
   for (const PrimarySampler& sampler : samplers_) {
-    // Those that no step moved are functions of the key.
+    // Numbers that no step moved are functions of the key.
     const auto stored = [&](const PrimarySampler::Entry& e) { return e.epoch == epoch_ && e.time > 0; };
     std::uint32_t count = 0;
     for (std::uint32_t i = 0; i < sampler.entries_.size(); ++i)

@@ -87,7 +87,7 @@ class PrimarySampler {
 
 class PrimaryState {
  public:
-  // What an estimator has walks for.
+  // Kinds of walks of an estimator.
   enum Walk : std::uint8_t { eye, light, choice };
   static constexpr std::size_t kWalks = 3;
 

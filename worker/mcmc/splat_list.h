@@ -1,5 +1,5 @@
-// What one state of a chain adds to the image: colors at places on the film. Its scalar contribution, which
-// the chain follows, is the sum of their luminances.
+// Contributions of one state of a chain to the image: colors at places on the film. Its scalar contribution,
+// which the chain follows, is the sum of their luminances.
 #pragma once
 
 #include <cmath>

@@ -39,7 +39,7 @@ constexpr const char* kProgram = "candela-worker";
 constexpr std::chrono::seconds kSetBack{5};     // of the wall clock, that may be waited for
 constexpr std::chrono::seconds kFarewells{30};  // of a drain whose calls may never end
 
-// What ends the worker while it works.
+// Reasons that end the worker while it works.
 struct Ends {
   std::atomic<bool> wanted{false};    // a signal asked for it
   std::atomic<bool> set_back{false};  // the wall clock was set back: gRPC works again in a new process only
@@ -147,28 +147,41 @@ int run_worker(int argc, char** argv) {
   app.add_option("--master", texts.master, "The master's HOST:PORT; default: $CANDELA_MASTER");
   app.add_option("--cache", texts.cache, "Folder for scene files; default: ~/.cache/candela")
       ->type_name("DIR");
-  app.add_option("--cache-size", texts.cache_size,
-                 "Limit of the cache in bytes, with K, M, G or T; default: 20G");
-  app.add_option("--texture-memory", texts.texture_memory,
-                 "Decoded textures of a scene beyond this lie in a file; default: a quarter of the memory");
-  app.add_option("--scene-memory", texts.scene_memory,
-                 "Memory that reading a scene may take, else its job fails; default: half of the memory");
-  app.add_option("--scratch", texts.scratch, "Folder for that file, on a disk; default: the cache's")
+  app.add_option("--cache-size", texts.cache_size, "Maximum bytes of the cache, such as 20G (the default)")
+      ->type_name("SIZE");
+  app.add_option(
+         "--texture-memory", texts.texture_memory,
+         "Memory for decoded textures of a scene; further ones lie in a file; default: a quarter of the "
+         "memory")
+      ->type_name("SIZE");
+  app.add_option(
+         "--scene-memory", texts.scene_memory,
+         "Maximum memory for reading a scene; a scene that needs more fails its job; default: half of "
+         "the memory")
+      ->type_name("SIZE");
+  app.add_option("--scratch", texts.scratch,
+                 "Folder of the file of --texture-memory, on a disk; default: the cache")
       ->type_name("DIR");
-  app.add_option("--threads", texts.threads, "Render threads; default: all cores this process may use");
-  app.add_option("--name", texts.name, "Name shown to people; default: the host's name");
-  app.add_option("--tls-cert", texts.tls_cert, "This worker's certificate (PEM)")->type_name("FILE");
-  app.add_option("--tls-key", texts.tls_key, "The certificate's private key (PEM)")->type_name("FILE");
-  app.add_option("--tls-ca", texts.tls_ca, "The authority that signed the master's certificate (PEM)")
+  app.add_option("--threads", texts.threads, "Render threads; default: all cores that this process may use")
+      ->type_name("N");
+  app.add_option("--name", texts.name, "Name of the worker in lists; default: the name of the host")
+      ->type_name("NAME");
+  app.add_option("--tls-cert", texts.tls_cert, "Certificate of this worker (PEM)")->type_name("FILE");
+  app.add_option("--tls-key", texts.tls_key, "Private key of that certificate (PEM)")->type_name("FILE");
+  app.add_option("--tls-ca", texts.tls_ca,
+                 "Certificate of the authority that signed the master's certificate (PEM)")
       ->type_name("FILE");
-  app.add_option("--token-file", texts.token_file,
-                 "The token of a master without TLS; default: what this user's master made")
+  app.add_option(
+         "--token-file", texts.token_file,
+         "File with the token of a master without TLS; default: the file that this user's master made")
       ->type_name("FILE");
   app.add_flag("--insecure", texts.insecure, "Allow a master beyond loopback without TLS");
   app.add_option("--give-up", texts.give_up,
-                 "End after this long without a master, such as 10m; default: never");
-  app.add_option("--log-level", texts.log_level, "trace, debug, info, warn, error or off; default: info");
-  app.add_option("--log-format", texts.log_format, "text or json; default: text");
+                 "End if the master cannot be reached for this time, such as 10m; default: never")
+      ->type_name("TIME");
+  app.add_option("--log-level", texts.log_level, "trace, debug, info, warn, error or off; default: info")
+      ->type_name("LEVEL");
+  app.add_option("--log-format", texts.log_format, "text or json; default: text")->type_name("FORMAT");
   return parse_and_run(kProgram, app, argc, argv, [&] { return run(texts, signals, argv); });
 }
 

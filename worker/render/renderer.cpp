@@ -120,7 +120,7 @@ Result<void> check_names(const std::vector<Aov>& aovs, const std::vector<std::st
   return {};
 }
 
-// What `work` returns; "stopped" if it was stopped on the way.
+// Result of `work`; "stopped" if it was stopped on the way.
 template <class Work>
 auto unless_stopped(const Work& work) -> decltype(work()) {
   try {
@@ -210,7 +210,7 @@ class SceneRenderer final : public Renderer {
         seconds.count() * pixels / kPilotSamples / std::max(1U, run_context.threads);
     if (!work_.chains) return result;
 
-    // Of chains: the seconds of a segment, from what a mutation costs at the least, an independent sample.
+    // For chains: seconds of a segment, from the minimum cost of a mutation, that of an independent sample.
     RunContext quiet = run_context;
     quiet.threads = 1;
     quiet.progress = nullptr;

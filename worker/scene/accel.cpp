@@ -67,7 +67,7 @@ const char* name(RTCError code) {
   return "unknown error";
 }
 
-// What Embree asks before it takes memory, from several threads.
+// Embree asks this before it takes memory, from several threads.
 struct Memory {
   description::ReadingBudget& budget;
   std::atomic<std::uint64_t> refused = 0;  // bytes
@@ -118,7 +118,7 @@ Result<void> check_isa(const std::string& isa) {
   return {};
 }
 
-// What Embree says it will use agrees with what was asked for.
+// True if Embree says that it uses the ISA that was asked for.
 bool device_has_isa(RTCDevice device, const std::string& isa) {
   const bool width8 = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED) != 0;
   const bool width16 = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0;

@@ -17,8 +17,8 @@
 
 namespace candela::scene {
 
-// What flows along the walk: radiance for walks from the eye, importance for walks from lights. Refraction
-// scales radiance by 1/eta^2 and importance not (Veach 1997, ch. 5).
+// Quantity that flows along the walk: radiance for walks from the eye, importance for walks from lights.
+// Refraction scales radiance by 1/eta^2 and importance not (Veach 1997, ch. 5).
 enum class TransportMode : std::uint8_t { radiance, importance };
 
 struct BsdfSample {

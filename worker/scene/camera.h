@@ -28,8 +28,8 @@ struct CameraSample {
   Ray shadow_ray;  // from the offset reference, ends just before the near plane
 };
 
-// How camera_ray chooses a given ray where film positions are uniform over the film of width * height pixels.
-// (One ray a pixel: times width * height.)
+// Density with which camera_ray chooses a given ray if film positions are uniform over the film of width *
+// height pixels. (One ray a pixel: times width * height.)
 struct CameraDensity {
   Vec3 p;  // where the ray leaves the lens (orthographic: the near plane)
   float film_x = 0, film_y = 0;

@@ -9,7 +9,7 @@
 
 namespace candela::scene {
 
-// Where a shape stands in the scene's files.
+// Place of a shape in the scene's files.
 struct ShapePlace {
   std::string file;
   int line = 0;
@@ -44,8 +44,8 @@ struct SceneFeatures {
   bool any_scattering_medium = false;
   bool any_heterogeneous_medium = false;
   bool endless_medium = false;  // around the scene: no light from outside gets in
-  // Of the medium in which light scatters longest: the fraction of a walk's second moment that is left after
-  // one more scattering, and what it is across in mean free paths (lasting_medium.h).
+  // For the medium in which light scatters longest: the fraction of a walk's second moment that is left after
+  // one more scattering, and what it is across in mean free paths (thick_medium.h).
   float lasting_fraction = 0, lasting_thickness = 0;
   bool any_black_bsdf = false;  // absorbs all: paths end there
   bool any_two_sided = false;

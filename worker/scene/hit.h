@@ -31,7 +31,7 @@ inline Ray spawn_ray(const SurfaceHit& hit, Vec3 d) {
 // The same towards a point: t_max ends just before `target`.
 Ray spawn_shadow_ray(const SurfaceHit& hit, Vec3 target, Vec3 target_ng, float target_error);
 
-// Whether the surface at `hit` goes through p, as far as rounding lets tell: then a ray from p meets it
+// True if the surface at `hit` goes through p, as far as rounding lets tell: then a ray from p meets it
 // nowhere else, and it hides nothing of p, just as shadow rays end before what they are aimed at.
 bool goes_through(const SurfaceHit& hit, Vec3 p);
 

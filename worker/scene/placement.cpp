@@ -66,7 +66,7 @@ class Mover {
     const bool is_group = object->category == "shape" && object->plugin == "shapegroup";
     bool changed = place(*out, *object, group);
     for (description::Child& child : out->children) {
-      // What belongs to a shape of a group, such as a volume, lies in the world.
+      // An object of a shape of a group, such as a volume, lies in the world.
       const bool inside = is_group && child.object->category == "shape";
       ObjectPtr of_child = move(child.object, inside ? object.get() : nullptr);
       changed |= of_child != child.object;
@@ -87,7 +87,7 @@ class Mover {
         transform::multiply(transform::translate(triple(-middle)), out.get_transform("to_world")));
   }
 
-  // Whether it changed `out`, a copy of `object`.
+  // True if it changed `out`, a copy of `object`.
   bool place(Object& out, const Object& object, const Object* group) const {
     const Vec3d middle = middle_of(group);
     const bool here = middle.x == 0 && middle.y == 0 && middle.z == 0;
@@ -126,7 +126,7 @@ class Mover {
       return true;
     }
     if (here) return false;
-    // What of the shape's own space goes to the origin there: large numbers cancel in the transform.
+    // The point of the shape's own space that goes to the origin: large numbers cancel in the transform.
     Vec3d origin;
     const Transform to_world(object.get_transform("to_world"));
     if (is_mesh_file(object) && to_world.determinant() != 0) {

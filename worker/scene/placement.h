@@ -22,7 +22,7 @@ struct Placement {
 // coordinates are multiples of a power of two near the box's size, so that floats of a mesh stay exact.
 std::optional<Vec3d> middle_if_far(const Bounds& bounds);
 
-// Where the scene's camera is, if it is at one place.
+// Place of the scene's camera, if it is at one place.
 std::optional<Vec3d> camera_place(const description::Object& sensor);
 
 // A guess, for a scene whose shapes are too small to be read where they are: everything is near the camera.

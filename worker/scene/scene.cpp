@@ -24,7 +24,7 @@ struct Scene::Impl : SceneData {
 };
 
 namespace {
-// Whether the scene's integrator asks for it. Integrators that Candela lacks keep unchecked properties.
+// True if the scene's integrator asks for it. Integrators that Candela lacks keep unchecked properties.
 bool strict_normals(const description::Object& root) {
   const auto integrators = root.children_of("integrator");
   if (integrators.empty()) return false;
@@ -55,7 +55,7 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
   part.reset();
   const description::ObjectPtr root = moved(description.scene, *far);
   auto scene = build_in_place(*root, files, options, nullptr);
-  // Where the shapes could not be built in place the middle was a guess, and so is this error.
+  // If the shapes could not be built in place, the middle was a guess, and so is this error.
   if (!scene.ok()) return near.ok() ? std::move(scene) : std::move(near);
   Impl& impl = *(*scene)->impl_;
   impl.offset = impl.edits.offset = far->middle;
@@ -215,7 +215,7 @@ void Scene::find_media(float film_width, float film_height) {
   float weight = 0;
   Ray ray = camera_ray(film_width / 2, film_height / 2, {0.5f, 0.5f}, weight);
   ray.t_max = Ray().t_max;
-  // What named medium is still around the ray when it leaves the scene fills the space outside.
+  // A named medium that is still around the ray when it leaves the scene fills the space outside.
   std::uint32_t medium = impl.camera_medium;
   SurfaceHit hit;
   Ray out = ray;
@@ -239,7 +239,7 @@ void Scene::find_media(float film_width, float film_height) {
 }
 
 bool Scene::media_meet_at_camera(float film_width, float film_height) const {
-  // Where camera rays start: from corners of the film and of the square of lens samples, and somewhat more,
+  // Camera rays start here: from corners of the film and of the square of lens samples, and somewhat more,
   // as a lens bulges beyond the chords of its rim.
   Bounds box;
   float weight = 0;

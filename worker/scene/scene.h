@@ -63,7 +63,7 @@ class Scene {
   // medium it came through). Where the scene does not name the camera's or an emitter's medium it is the one
   // that fills the place (medium_at), so that walks of both directions see the same scene.
   const Medium& medium(std::uint32_t index) const;
-  // Of a ray of camera_ray().
+  // Medium at the start of a ray of camera_ray().
   std::uint32_t camera_medium(const Ray& ray) const;
   std::uint32_t emitter_medium(const EmissionSample& light) const;
   // The medium at a ray's origin, told by the first surface along it where media meet.
@@ -101,7 +101,7 @@ class Scene {
   bool pdf_emission(const SurfaceHit& hit, Vec3 d, EmissionDensity& out) const;
   bool pdf_emission(const DirectSample& light, EmissionDensity& out) const;
   bool pdf_emission_environment(Vec3 d, EmissionDensity& out) const;
-  // Of emitter i in [0, features().emitters): its power in W (light from outside: onto the scene's bounding
+  // Emitter i in [0, features().emitters) has this power in W (light from outside: onto the scene's bounding
   // sphere), and the discrete probability with which sample_emission chooses it.
   Spectrum emitter_power(std::uint32_t i) const;
   float prob_emission(std::uint32_t i) const;
@@ -164,7 +164,7 @@ class Scene {
                                                        const Options& options, std::optional<Placement>* far);
   // Media of the space outside and of the camera, where they are not named.
   void find_media(float film_width, float film_height);
-  // Whether places that camera rays start at may be in several media.
+  // True if places that camera rays start at may be in several media.
   bool media_meet_at_camera(float film_width, float film_height) const;
   struct Impl;
   std::unique_ptr<Impl> impl_;

@@ -1,4 +1,4 @@
-// What a compiled scene consists of, and its putting together from a description.
+// Parts of a compiled scene, and their construction from a description.
 #pragma once
 
 #include <cstdint>
@@ -75,7 +75,7 @@ class SceneBuilder {
   const std::optional<Rectangle>& measured_rectangle() const { return measured_rectangle_; }
 
   Result<void> shapes(const description::Object& scene);
-  // Where the scene has to be moved from, if it lies far from the origin with the camera, or one of its
+  // Point that is moved to the origin, if the scene lies far from the origin with the camera, or one of its
   // shapegroups does in its own space. Call it after shapes().
   std::optional<Placement> far_placement(const std::optional<Vec3d>& camera) const;
   // Puts edits around the bsdfs of the shapes that they select. The objects have names. Call it after
@@ -97,16 +97,16 @@ class SceneBuilder {
     description::ObjectPtr object;
   };
 
-  // What the textures at and below an object look at.
+  // Inputs that the textures at and below an object read.
   struct TextureUse {
     bool uv = false;                      // or an anisotropic lobe, whose axes follow (u, v)
     bool wireframe = false;               // edges of triangles
     bool place = false;                   // more of a surface than (u, v)
     std::vector<std::string> attributes;  // of meshes, each once
   };
-  // Of a shape: without the shapes that it holds.
+  // For a shape: without the shapes that it holds.
   TextureUse texture_use(const description::Object& object);
-  // Of an object that the scene keeps: each is walked once, however often it is referred to.
+  // For an object that the scene keeps: each is walked once, however often it is referred to.
   const TextureUse& texture_use_of_part(const description::Object& object);
 
   // Reads the meshes whose attributes textures look at, so that the textures' bounds are known.

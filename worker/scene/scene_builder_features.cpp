@@ -1,11 +1,11 @@
-// What a plan, the pilot and `check` ask of a scene, gathered once all of it is built.
+// Gathers the facts of a built scene that a plan, the pilot and `check` ask for.
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
-#include "worker/scene/lasting_medium.h"
 #include "worker/scene/scene_builder.h"
 #include "worker/scene/shared_faces.h"
+#include "worker/scene/thick_medium.h"
 
 namespace candela::scene {
 
@@ -36,7 +36,7 @@ void SceneBuilder::finish_features() {
   constexpr std::size_t kMostSharedFaces = 8;
   for (const auto& [first, second] : find_shared_faces(geometry_, lets_through, kMostSharedFaces))
     features_.shared_faces.emplace_back(shape_places_[first], shape_places_[second]);
-  const LastingMedium lasting = most_lasting_medium(media_, geometry_);
+  const ThickMedium lasting = thickest_medium(media_, geometry_);
   features_.lasting_fraction = static_cast<float>(lasting.fraction);
   features_.lasting_thickness = static_cast<float>(lasting.thickness);
   features_.radius = static_cast<float>(geometry_.bounds.radius());

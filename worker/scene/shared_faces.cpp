@@ -48,7 +48,7 @@ Polygon polygon_of(const Geometry& geometry, const Contested& what) {
   return out;
 }
 
-// Whether the projections on each side's normal in the plane have more than an edge in common.
+// True if the projections on each side's normal in the plane have more than an edge in common.
 bool overlap_beside(const Polygon& a, const Polygon& b) {
   for (std::size_t i = 0; i < a.corners.size(); ++i) {
     const Vec3d side = a.corners[(i + 1) % a.corners.size()] - a.corners[i];

@@ -20,7 +20,7 @@ struct Flat {
   Bounds box;
 };
 
-// Of +n and -n the one whose first large component is positive.
+// Returns +n or -n: the one whose first large component is positive.
 Vec3d without_sign(Vec3d n) {
   for (const double c : {n.x, n.y, n.z})
     if (std::abs(c) > 0.5) return c < 0 ? n * -1.0 : n;
@@ -66,7 +66,7 @@ std::vector<Flat> flats_of(const Geometry& geometry, const std::vector<bool>* lo
   return flats;
 }
 
-// Whether boxes in one plane have more than an edge in common.
+// True if boxes in one plane have more than an edge in common.
 bool overlap_in_plane(const Bounds& a, const Bounds& b, double edge) {
   int wide = 0;
   for (double Vec3d::*axis : {&Vec3d::x, &Vec3d::y, &Vec3d::z}) {
@@ -218,7 +218,7 @@ namespace {
 
 constexpr unsigned kTriangles = 0, kDisks = 1;  // Embree's geometries
 
-// What Embree's callbacks see of one of them.
+// The part of one of them that Embree's callbacks see.
 struct TieGeometry {
   const Geometry* geometry = nullptr;
   const std::vector<Contested>* contested = nullptr;

@@ -96,7 +96,7 @@ struct CachedFile {
   std::int64_t used_ns = 0;
 };
 
-// Of a file that may be large and on a slow disk.
+// Hashes in steps: the file may be large and on a slow disk.
 std::string hash_of(std::string_view bytes) {
   constexpr std::size_t kStep = std::size_t{4} << 20;
   Sha256 hash;
@@ -107,7 +107,7 @@ std::string hash_of(std::string_view bytes) {
   return hash.finish_hex();
 }
 
-// What is in the cache; files that vanish during the scan are left out.
+// Lists the cache; files that vanish during the scan are left out.
 std::vector<CachedFile> scan(const fs::path& blobs) {
   std::vector<CachedFile> found;
   std::error_code code;

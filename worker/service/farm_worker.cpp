@@ -147,7 +147,7 @@ void FarmWorker::control_loop() {
   leave(lock);
 }
 
-// How long the master may be away is counted from the first unanswered call since the last
+// The time without a master is counted from the first unanswered call since the last
 // answer.
 void FarmWorker::note_contact(const grpc::Status& status) {
   if (!is_unreachable(status)) {
@@ -331,7 +331,7 @@ void FarmWorker::send_notice(Lock& lock) {
   if (!notices_.empty() && notices_.front().token == notice.token) notices_.pop_front();
 }
 
-// What the worker holds is void: the master knows the session no more.
+// Drops all that the worker holds: the master knows the session no more.
 void FarmWorker::lose_session(std::uint64_t generation) {
   if (generation != session_.generation) return;
   log::warn("the master does not know this session any more; registering again",
@@ -349,7 +349,7 @@ void FarmWorker::drop(Task& task, std::string_view why) {
   if (task.dropped.exchange(true)) return;
   task.stopped_at = Clock::now();
   task.monitor.stop = true;
-  // What waits for the master need not, any more.
+  // Calls that wait for the master may end.
   if (running_.get() == &task) link_.interrupt(MasterLink::Lane::fetch);
   if (!outbox_.empty() && outbox_.front()->task.get() == &task) link_.interrupt(MasterLink::Lane::push);
   log::info(fmt::format("unit dropped: {}", why), {.job = task.lease.job_id(),

@@ -102,14 +102,14 @@ class FarmWorker final : public Worker {
     Sums sums;
     film::DeltaInfo info;
     double render_seconds = 0;
-    // Of its delivery, by the push thread alone but for `not_before`.
+    // Delivery; only the push thread writes it, but for `not_before`.
     std::string bytes;  // empty: not encoded yet
     std::optional<v1::DeltaHeader> header;
     std::optional<Backoff> backoff;
     unsigned rejections = 0;
     Clock::time_point not_before{};  // the master could not take it: others go first
   };
-  // What must be told the master about a unit that will not be delivered.
+  // Message to the master about a unit that will not be delivered.
   struct Notice {
     std::uint64_t token = 0, generation = 0;
     bool failed = false;  // else handed back

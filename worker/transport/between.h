@@ -1,4 +1,4 @@
-// What happens to light between two vertices of a path: surfaces it passes straight, media it crosses.
+// Transmittance between two vertices of a path: surfaces that light passes straight, media.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace candela::transport {
 
-// What lies between the vertices of a path. Each includes what stands before it.
+// Content of the edges of paths. Each value includes the ones before it.
 enum class Between : std::uint8_t {
   nothing,   // a ray meets what it hits
   surfaces,  // that light may pass straight: null, mask, thin glass

@@ -20,7 +20,7 @@ struct EdgeStart {
   std::uint32_t edges = 1;    // the edge's number
 };
 
-// Of the edge on which the walk made its last crossing. Before Walk::scatter.
+// Start of the edge on which the walk made its last crossing. Call it before Walk::scatter.
 template <class Walk>
 EdgeStart edge_start(const Walk& walk, const MediumSegment& segment) {
   return {walk.departure(), walk.from(),           walk.from_finite(),

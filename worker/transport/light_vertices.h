@@ -34,7 +34,7 @@ struct LightVertex {
   VertexKind kind;
 };
 
-// Of one chunk of light paths, in their order.
+// Vertices of one chunk of light paths, in their order.
 template <class Block>
 class LightVertexBuffer {
  public:

@@ -12,7 +12,7 @@
 
 namespace candela::transport {
 
-// How a path merges: at all its vertices alike.
+// Scale of the merges of a path, the same at all its vertices.
 struct MergeScale {
   MergeScale(Kernel kernel, float disc_radius_, float ball_radius_, const MergeFactors& eta_ = {})
       : disc_radius(disc_radius_),

@@ -37,7 +37,7 @@ struct PhotonBeam {
   std::uint32_t first_step, step_count;
 };
 
-// Whether beams are made in a medium: those that scatter.
+// True if beams are made in a medium: those that scatter.
 inline bool has_beams(const scene::Medium& medium) {
   return (medium.max_sigma_t() * medium.max_albedo()).max_component() > 0;
 }
@@ -46,7 +46,7 @@ inline bool has_beams(const scene::Medium& medium) {
 // left of any channel that scatters. Precondition of is_long: the medium is homogeneous and has_beams().
 float beam_end(const Crossing& crossing, const scene::Medium& medium, bool is_long);
 
-// What one chunk of light paths leaves, in the order of its paths.
+// Beams of one chunk of light paths, in the order of its paths.
 class BeamBuffer {
  public:
   void clear() {

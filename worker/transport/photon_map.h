@@ -65,7 +65,7 @@ struct Photon {
 };
 static_assert(sizeof(Photon<MisBlock>) == 48 && sizeof(Photon<NoBlock>) == 32);
 
-// What one chunk of light paths leaves, in the order of its paths and their vertices.
+// Photons of one chunk of light paths, in the order of its paths and their vertices.
 template <class Block>
 class PhotonBuffer {
  public:
@@ -109,7 +109,7 @@ class PhotonMap {
   Result<void> build(std::span<const PhotonBuffer<Block>* const> chunks, float radius, unsigned threads);
 
   std::size_t size() const { return photons_.size(); }
-  // Of a photon that collect() found.
+  // Precondition: collect() found the photon.
   Vec3 position(const Photon<Block>& photon) const {
     return search_.position(static_cast<std::uint32_t>(&photon - photons_.data()));
   }
@@ -134,7 +134,7 @@ class PhotonMap {
   }
   bool knows_paths() const { return !ends_.empty(); }
 
-  // The steps of a query: others can work while memory is fetched. announce() and find() are RangeSearch's;
+  // The steps of a query: others can work while memory is fetched. prefetch() and find() are RangeSearch's;
   // collect() finds the photons and asks for them.
   using Query = RangeSearch::Query;
   struct Hits {
@@ -146,10 +146,10 @@ class PhotonMap {
     std::uint32_t count = 0;
     Hit hit[kMost];
   };
-  void announce(Vec3 p, float radius) const { search_.announce(p, radius); }
+  void prefetch(Vec3 p, float radius) const { search_.prefetch(p, radius); }
   void find(Vec3 p, float radius, Query& query) const { search_.find(p, radius, query); }
-  // Calls visit(photon, squared distance) for the first ones where there are more than Hits can hold; those
-  // that are left in `hits` are the caller's to visit. The order depends on the photons alone.
+  // Collects up to kMost photons into `hits`. On overflow it calls visit(photon, squared distance) for full
+  // batches; the caller visits the rest. The order depends on the photons alone.
   template <class Visit>
   void collect(const Query& query, Hits& hits, Visit&& visit) const {
     hits.count = 0;

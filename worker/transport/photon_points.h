@@ -39,10 +39,10 @@ class PhotonPoints {
   // Its letters' states. Precondition: the buffers kept them.
   const ChannelStates& states(const Photon<MisBlock>& photon) const { return states_[index_of(photon)]; }
 
-  // In steps, with other work between them: announce() and find() are RangeSearch's, near_point() calls
+  // In steps, with other work between them: prefetch() and find() are RangeSearch's, near_point() calls
   // visit(photon, squared distance) for the photons of the medium that find() was asked for.
-  void announce(std::uint32_t medium, Vec3 p, float radius) const {
-    searches_[medium].points.announce(p, radius);
+  void prefetch(std::uint32_t medium, Vec3 p, float radius) const {
+    searches_[medium].points.prefetch(p, radius);
   }
   void find(std::uint32_t medium, Vec3 p, float radius, RangeSearch::Query& query) const {
     searches_[medium].points.find(p, radius, query);

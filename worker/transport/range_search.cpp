@@ -91,7 +91,7 @@ void RangeSearch::build(PositionView points, float radius, unsigned threads) {
   starts_.resize((std::size_t{1} << bits) + 1);
 
   // A stable counting sort by bucket in two steps: into partitions of consecutive buckets, then inside each.
-  // Where a point ends follows from all buckets before it and all indices of its own: not from the chunks.
+  // The place of a point follows from all buckets before it and all indices of its own: not from the chunks.
   const int partition_bits = std::clamp(bits - 11, 0, 10);
   const int low_bits = bits - partition_bits;
   const std::size_t partitions = std::size_t{1} << partition_bits;
@@ -185,7 +185,7 @@ RangeSearch::CellBox RangeSearch::box_of(Vec3 p, float radius) const {
   return box.x0 > box.x1 || box.y0 > box.y1 || box.z0 > box.z1 ? CellBox() : box;
 }
 
-void RangeSearch::announce(Vec3 p, float radius) const {
+void RangeSearch::prefetch(Vec3 p, float radius) const {
   const CellBox box = box_of(p, radius);
   if (box.x0 > box.x1 || box.rows() > kMaxRows) return;
   const auto cells = static_cast<std::uint32_t>(box.x1 - box.x0);

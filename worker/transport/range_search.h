@@ -61,7 +61,7 @@ class RangeSearch {
   void build(PositionView points, float radius, unsigned threads);
 
   std::size_t size() const { return size_; }
-  // What the structure holds on to.
+  // Bytes that the structure holds.
   std::uint64_t bytes() const;
   Vec3 position(std::uint32_t slot) const { return {x()[slot], y()[slot], z()[slot]}; }
   // The index of each slot's point; empty once forgotten.
@@ -73,10 +73,10 @@ class RangeSearch {
   // order, is finite and at most radius * radius in float. Each point once.
   template <class Visit>
   void visit_slots(Vec3 p, float radius, Visit&& visit) const;
-  // The same in steps, for callers with other work to do while memory is fetched: announce() asks for what
+  // The same in steps, for callers with other work to do while memory is fetched: prefetch() asks for what
   // find() reads, and find() for what visit_slots(query) reads.
   class Query;
-  void announce(Vec3 p, float radius) const;
+  void prefetch(Vec3 p, float radius) const;
   void find(Vec3 p, float radius, Query& query) const;
   template <class Visit>
   void visit_slots(const Query& query, Visit&& visit) const;
@@ -91,7 +91,7 @@ class RangeSearch {
     std::uint32_t begin, end;  // slots
   };
   static constexpr int kMaxRows = 16;
-  // Of cells; empty where x0 > x1.
+  // A box of cells; empty if x0 > x1.
   struct CellBox {
     std::int32_t x0 = 0, x1 = -1, y0 = 0, y1 = -1, z0 = 0, z1 = -1;
     std::int64_t rows() const { return std::int64_t{y1 - y0 + 1} * std::int64_t{z1 - z0 + 1}; }

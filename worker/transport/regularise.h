@@ -87,7 +87,7 @@ class Mollifier {
   Mollifier() = default;
   explicit Mollifier(double bandwidth) : r2_(bandwidth * bandwidth) {}
 
-  // Whether `to`, from the mollified vertex to the other end of the edge, is in the cone around the lobe's
+  // True if `to`, from the mollified vertex to the other end of the edge, is in the cone around the lobe's
   // direction o, a unit vector. [regularisation note, section 4]
   bool inside(Vec3d o, Vec3d to) const {
     const double l2 = length_squared(to);
@@ -114,7 +114,7 @@ inline constexpr double kLeastShare = 1e-6;
 // r_0 n^-exponent, n = iteration + 1: of an iteration of the job, counted from 0.
 // [regularisation note, sections 6, 7]
 double bandwidth(double first, std::uint64_t iteration, double exponent);
-// Of an epoch of mutations, counted from 0. [regularisation note, section 8]
+// Bandwidth of an epoch of mutations, counted from 0. [regularisation note, section 8]
 inline double bandwidth_of_epoch(double first, std::uint64_t epoch, double exponent) {
   return bandwidth(first, epoch, exponent);
 }

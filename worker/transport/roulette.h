@@ -25,7 +25,7 @@ struct Roulette {
   float floor;               // of the throughput, below which a path may end
   std::uint32_t free_depth;  // edges
 
-  // Whether a walk of this throughput would live on for sure but for the bound.
+  // True if a walk of this throughput would live on for sure but for the bound.
   constexpr bool binds(float throughput) const { return throughput * (1 / floor) > kMaxSurvival; }
   // longest: the bound.
   constexpr float survival(float throughput, float longest) const {

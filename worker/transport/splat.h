@@ -1,4 +1,4 @@
-// What a light path adds to the film: its value spread over the pixels whose filter reaches the place.
+// Contribution of a light path to the film: its value, spread over the pixels whose filter reaches the place.
 #pragma once
 
 #include <algorithm>

@@ -49,7 +49,7 @@ struct ScatterPoint {
   bool connectible = false;
   // Set by Walk::scatter: by a delta lobe; by one, or in a direction of density above kSharpDensity.
   bool left_by_delta : 1 = false, left_sharply : 1 = false;
-  // Of a vertex of a light path: the vertex before is a light that no walk can meet (a point, a direction).
+  // Light paths: the vertex before is a light that no walk can meet (a point, a direction).
   bool lit_by_delta : 1 = false;
   // From the subpath's end point; passing a surface straight counts no edge.
   std::uint32_t edges = 0;

@@ -88,7 +88,7 @@ class Walk {
   Step scatter(Vertex& v);
 
   const scene::EmissionSample& origin() const { return origin_; }
-  // Whether draws at this vertex should be stratified.
+  // True if draws at this vertex should be stratified.
   bool stratified() const { return scatterings_ < kStratifiedVertices; }
   // The random numbers of the present vertex.
   VertexDraws<SamplerT> draws() const { return {sampler_, block_, stratified()}; }
@@ -98,7 +98,7 @@ class Walk {
   // Direction in which the last scatter() left its vertex.
   Vec3 direction() const { return ray_.direction; }
 
-  // Where the last advance() met the lens on its way, light walks alone.
+  // Place where the last advance() met the lens; light walks only.
   struct LensMeeting {
     bool met = false;
     scene::CameraDensity camera;

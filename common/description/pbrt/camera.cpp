@@ -372,7 +372,7 @@ namespace {
 
 struct IntegratorKind {
   std::string_view type, plugin;
-  // What pbrt's has beside maxdepth. None of it changes the expectation, but for `regularize`.
+  // Parameters of pbrt's beside maxdepth. None of them changes the expectation, but for `regularize`.
   std::vector<std::string_view> parameters;
 };
 

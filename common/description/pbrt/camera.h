@@ -31,7 +31,7 @@ struct RenderOptions {
 Result<void> read_option(Context& context, const std::string& name, std::string_view value,
                          const Location& where);
 
-// How many times brighter the film shows the scene: the time that the shutter is open, and ISO.
+// Factor of the brightness of the film: the time that the shutter is open, and ISO.
 Result<double> exposure(Context& context, RenderOptions& options);
 
 // The sensor with film, filter and sampler. `medium`: around the camera; may be null.

@@ -23,7 +23,7 @@ Result<Entity> read_entity(Context& context, Tokens& tokens, const Token& word);
 
 class GraphicsState {
  public:
-  // What AttributeBegin and TransformBegin keep, and AttributeEnd and TransformEnd give back.
+  // State that AttributeBegin and TransformBegin keep, and AttributeEnd and TransformEnd give back.
   struct Values {
     Mat4 world_from_object = transform::identity;
     bool reverse_orientation = false;
@@ -51,7 +51,7 @@ class GraphicsState {
   Result<void> set_material(MaterialName name);
   const std::string& outside() const;
 
-  // What Attribute directives give a target: "shape", "light", "material", "medium" or "texture".
+  // Attributes that Attribute directives give a target: "shape", "light", "material", "medium" or "texture".
   const SharedParameters& shared(std::string_view target) const;
 
   // The camera has the current transform.

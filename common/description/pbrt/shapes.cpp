@@ -19,7 +19,7 @@ constexpr std::array<std::string_view, 8> shape_types = {
 
 constexpr std::size_t max_ply_header = 65536;
 
-// Whether the first lines of a PLY file tell of normals.
+// True if the first lines of a PLY file tell of normals.
 bool ply_has_normals(std::string_view bytes) {
   const std::string_view header =
       bytes.substr(0, std::min<std::size_t>(bytes.find("end_header"), max_ply_header));
@@ -28,7 +28,7 @@ bool ply_has_normals(std::string_view bytes) {
   return false;
 }
 
-// Whether the normal points into a whole quadric: pbrt's ReverseOrientation, and a mirror without it.
+// True if the normal points into a whole quadric: pbrt's ReverseOrientation, and a mirror without it.
 bool is_inside_out(const ShapeEntity& entity) {
   return entity.reverse_orientation != swaps_handedness(entity.to_world);
 }
@@ -38,7 +38,7 @@ bool is_hole(const Object& bsdf) {
   return bsdf.plugin == "mask" && bsdf.find("opacity") != nullptr && bsdf.get_number("opacity", 1) <= 0;
 }
 
-// Whether light goes through the bsdf, or through a part of it.
+// True if light goes through the bsdf, or through a part of it.
 bool transmits(const ObjectPtr& bsdf) {
   constexpr std::array<std::string_view, 5> kinds = {"null", "dielectric", "roughdielectric",
                                                      "thindielectric", "difftrans"};
@@ -212,7 +212,7 @@ Result<void> Shapes::add_media(const ShapeEntity& entity, Object& shape, const O
   const bool bounds_media = entity.inside != entity.outside || interior;
   if (!bounds_media) return {};
   if (const Object& bsdf = *shape.children.at(0).object; bsdf.plugin == "mask") {
-    // What passes a hole stays in its medium in pbrt. Nothing else crosses an opaque surface.
+    // Light through a hole stays in its medium in pbrt. Nothing else crosses an opaque surface.
     if (!transmits(bsdf.children_of("bsdf").at(0))) {
       context_.differs(
           entity.where,

@@ -30,7 +30,7 @@ struct ShapeEntity {
   ObjectPtr emitter;                                   // null: it does not glow
   std::int64_t curve_count = 1;  // of directives that follow each other, if it is a curve
 
-  // Whether a directive of the same state may be read together with this one: both are curves that differ in
+  // True if a directive of the same state may be read together with this one: both are curves that differ in
   // nothing but their geometry.
   bool joins(const ShapeEntity& other) const;
 };
@@ -51,7 +51,7 @@ class Shapes {
   Result<std::shared_ptr<Object>> curve(ShapeEntity& entity);
   Result<std::shared_ptr<Object>> ply(ShapeEntity& entity);
   Result<std::shared_ptr<Object>> part_of_quadric(ShapeEntity& entity);
-  // What decides the front of triangles: those of a mesh, which a mirror does not turn around, or a quadric.
+  // Decides the front of triangles: those of a mesh, which a mirror does not turn around, or a quadric.
   enum class Front { of_mesh, of_quadric };
   // The triangles that the loader makes of the directive. `flat`: without shading normals.
   Result<std::shared_ptr<Object>> triangles(ShapeEntity& entity, bool flat, Front front);

@@ -77,7 +77,7 @@ class Textures {
   Result<Value> read_mix(Definition& definition);
   Result<Value> read_mean(Definition& definition);
   Result<Value> part(Definition& definition, std::string_view name, double otherwise);
-  // How many textures a lookup in this one looks up.
+  // Number of textures that a lookup in this one looks up.
   std::uint64_t unfolded(const ObjectPtr& texture);
   Result<Mat4> mapping(Definition& definition);
 

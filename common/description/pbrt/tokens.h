@@ -34,7 +34,7 @@ class Tokens {
   Result<std::optional<Token>> next();
   // Gives the token back: next() returns it again.
   void unget(const Token& token);
-  // Whether this file has no token left.
+  // True if this file has no token left.
   bool at_end();
 
   const std::string& key() const { return key_; }

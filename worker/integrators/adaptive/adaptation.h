@@ -1,4 +1,4 @@
-// What integrators with a radius for each pixel share: a table of radii by level, a state of one level a
+// Parts that integrators with a radius per pixel share: a table of radii by level, a state of one level a
 // pixel, statistics for each epoch, and a rule that decides the state from them (common/adaptive).
 #pragma once
 

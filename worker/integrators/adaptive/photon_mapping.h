@@ -23,7 +23,7 @@ class PhotonMapping final : public IterationIntegrator {
         adaptation_(std::move(adaptation)),
         make_statistics_(std::move(make_statistics)) {}
 
-  // Where nothing is merged there is nothing to decide.
+  // If nothing is merged, there is nothing to decide.
   WorkPlan work(FilmSize /*size*/, const NamedState& state) const override {
     return planned_.techniques.merges() ? work_plan(adaptation_, state.film_scale_log2) : WorkPlan{};
   }

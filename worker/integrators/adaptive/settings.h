@@ -28,7 +28,7 @@ void floor_fields(Visitor& visit, double& r_min, double& floor_alpha) {
   visit("r_min", r_min, NumberRange{0, 1, true, true},
         "smallest radius of the first iteration, as a share of the first radius");
   visit("floor_alpha", floor_alpha, NumberRange{0, 1, true, true},
-        "how that smallest radius falls with the number i of the iteration: as i^((floor_alpha - 1) / 2)");
+        "the smallest radius of iteration i falls as i^((floor_alpha - 1) / 2)");
 }
 
 // The F test and what it does to a radius.
@@ -42,14 +42,14 @@ struct FTestSettings {
 
   template <class Visitor>
   void fields(Visitor& visit) {
-    visit(
-        "test", test,
-        "what is compared: all sectors of the disc, or sums of opposite ones, which a gradient leaves equal");
+    visit("test", test,
+          "sums that are compared: all sectors of the disc, or sums of opposite sectors, which a gradient "
+          "leaves equal");
     visit("channels", channels,
-          "what is tested: luminance, or red, green and blue; auto: colors if the scene has any");
+          "tested channels: luminance, or red, green and blue (colors); auto: colors if the scene has any");
     visit("alpha_f", alpha_f, NumberRange{0, 1, true, true},
           "probability that a test rejects a radius within which the light is even");
-    visit("k", k, NumberRange{0, 1, true, true}, "factor of a radius that is rejected");
+    visit("k", k, NumberRange{0, 1, true, true}, "factor by which a rejected radius shrinks");
     floor_fields(visit, r_min, floor_alpha);
   }
 };
@@ -62,9 +62,10 @@ struct RingSettings {
   template <class Visitor>
   void fields(Visitor& visit) {
     visit("rings", rings,
-          "sums in rings that no rejection zeroes: every radius is tested at each look; 84 sums a pixel");
+          "keep sums in rings, which no rejection sets to zero, and test every radius at each decision; 84 "
+          "sums per pixel");
     visit("kappa", kappa, NumberRange{0, 1000, true},
-          "standard errors by which the means of nested discs may differ");
+          "maximum difference between the means of nested discs, in standard errors");
   }
 };
 Result<void> check(const FTestSettings& test, const RingSettings& rings);
@@ -81,9 +82,9 @@ struct CountTestSettings {
   void fields(Visitor& visit) {
     visit("alpha_chi", alpha_chi, NumberRange{0, 1, true, true},
           "probability that a test rejects a radius within which photons are even");
-    visit("first_batch", first_batch, 1, 1 << 30, "photons that the first test of a pixel waits for");
+    visit("first_batch", first_batch, 1, 1 << 30, "number of photons at which a pixel has its first test");
     visit("batch_growth", batch_growth, NumberRange{1, 1024},
-          "factor of that number with each radius; 1.5625 makes radii fall as with alpha = 2/3");
+          "factor of that number with each radius; 1.5625 makes radii fall as alpha = 2/3 does");
     floor_fields(visit, r_min, floor_alpha);
   }
 };

@@ -104,7 +104,7 @@ class Eye {
     return false;
   }
 
-  // Whether the ray goes on straight. If not, the albedo: what a sample of the bsdf sends back into all
+  // True if the ray goes on straight. If not, the albedo: what a sample of the bsdf sends back into all
   // directions. Importance knows no factor of refraction, so glass has the albedo of its color.
   bool passes(const Ray& ray, std::uint32_t pass, Seen& seen, Spectrum& passed) {
     const Vec3 wo = seen.hit.shading.to_local(-ray.direction);
@@ -174,7 +174,7 @@ class Eye {
     return 0;
   }
 
-  // How much u and v grow on the plane of the surface from here to the same place of the next pixel, as in
+  // Growth of u and v on the plane of the surface from here to the same place of the next pixel, as in
   // Mitsuba: d(u, v) is the least-squares solution of dp = dp_du du + dp_dv dv.
   std::size_t uv_step(const Seen& seen, float dx, float dy, std::array<double, 3>& out) const {
     out = {0, 0, 0};

@@ -1,5 +1,5 @@
-// What bdpt finds, on its way to the film: the sum along one eye ray, splats of light paths, and the layers
-// of techniques.
+// Sink of the contributions of bdpt for the film: the sum along one eye ray, splats of light paths, and the
+// layers of techniques.
 #pragma once
 
 #include <cstdint>
@@ -78,7 +78,7 @@ class FilmSink {
   transport::Splatter splatter_;
   float each_;
 
-  // Of the eye path under way.
+  // The eye path under way.
   Spectrum sum_;
   std::uint32_t x_ = 0, y_ = 0;
   float scale_ = 1;

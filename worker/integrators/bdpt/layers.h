@@ -10,7 +10,7 @@ namespace candela::integrators::bdpt {
 class TechniqueLayers {
  public:
   TechniqueLayers() = default;
-  // Of paths of up to `depth` edges; lens: techniques with t = 0 exist.
+  // Layers of paths of up to `depth` edges; lens: techniques with t = 0 exist.
   TechniqueLayers(bool weighted, bool unweighted, std::uint32_t depth, std::uint32_t max_depth, bool lens);
 
   bool any() const { return !names_.empty(); }

@@ -24,7 +24,7 @@ struct BdptSettings {
     visit("layer_depth", layer_depth, 1, 9, "edges of the longest paths that have layers of their own");
     regularise.fields(visit);
     visit("regularise_layer", regularise_layer,
-          "a further layer in the EXR, `mollified`, with the light that regularise=on shows");
+          "further layer in the EXR, `mollified`: the light that regularise=on shows");
     common.plan_field(visit);
   }
 };

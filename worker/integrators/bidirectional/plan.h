@@ -1,4 +1,4 @@
-// Which techniques of bidirectional path tracing a scene has paths for.
+// Techniques of bidirectional path tracing that a scene has paths for.
 #pragma once
 
 #include "worker/integrators/plan_light.h"

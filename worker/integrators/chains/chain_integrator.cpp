@@ -18,7 +18,7 @@ std::uint64_t divide_up(std::uint64_t a, std::uint64_t b) {
   return (a + b - 1) / b;
 }
 
-// What a scene has that ordinary sampling finds hard.
+// Features of a scene that ordinary sampling finds hard.
 std::string reasons_for_chains(const scene::SceneFeatures& f) {
   std::string reasons;
   const auto add = [&](bool is, std::string_view what) {

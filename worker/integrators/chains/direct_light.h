@@ -30,7 +30,7 @@ class DirectLight {
                rng::key(context.seed, 0x646972656374ULL, half)),  // "direct"
         half_(half) {}
 
-  // Of sequence index `segment` of the half. False: stopped.
+  // Adds samples of sequence index `segment` of the half. False: stopped.
   bool add(std::uint64_t segment, std::uint32_t layer, film::UnitFilm& film, film::Tallies& tallies,
            const RunContext& run) const {
     const bool signed_values = context_.filter.has_negative_lobes();

@@ -7,7 +7,7 @@
 
 namespace candela::integrators {
 
-// Of small steps in primary sample space.
+// Small steps in primary sample space.
 struct PrimarySettings {
   double step_least = 1.0 / 1024;
   double step_most = 1.0 / 64;
@@ -34,7 +34,7 @@ struct ChainSettings {
   template <class Visitor, class OfSpace>
   void fields(Visitor& visit, OfSpace& of_space) {
     visit("chains", chains, 2, static_cast<int>(chains::kMaxChains),
-          "Markov chains of the job, an even number, whatever the workers");
+          "Markov chains of the job, an even number; it does not depend on the workers");
     visit("bootstrap", bootstrap, 1, static_cast<int>(chains::kMaxBootstrapSamples),
           "samples for the first estimate of the normalization b and for the starts of the chains");
     visit("mutations", mutations, 1, 1 << 16,
@@ -43,8 +43,8 @@ struct ChainSettings {
           "probability of a large step, which forgets the chain's state");
     of_space.fields(visit);
     visit("direct", direct,
-          "path leaves light seen directly or after one bounce to path tracing, and only the rest to the "
-          "chains");
+          "path: path tracing renders light seen directly or after one bounce, the chains the rest; chain: "
+          "the chains render all");
     visit("direct_samples", direct_samples, 1, 1 << 16,
           "with direct=path: eye samples per pixel in one round");
   }

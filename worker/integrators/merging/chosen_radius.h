@@ -26,8 +26,8 @@ inline constexpr int kAutomaticPhotons = 10;
 ChosenRadius choose_radius(const UnitContext& context, const MergeRules& rules,
                            const estimators::PathOptions& paths, const estimators::Techniques& techniques);
 
-// Where connections find what is near lamps, a radius of a pixel blurs small ones, unless it adapts; where
-// nothing but merging does, more of a blur is less than the noise; and photons in media are rarer.
+// If connections find the light near lamps, a radius of a pixel blurs small ones, unless it adapts; if only
+// merging does, more of a blur is less than the noise; and photons in media are rarer.
 double most_pixels(const MergeRules& rules, const estimators::Techniques& techniques);
 
 // Says in the plan which was chosen.

@@ -24,7 +24,7 @@ double pixel_footprint(const UnitContext& context) {
       const Ray ray = context.scene.camera_ray(x, y, middle, weight);
       scene::SurfaceHit hit;
       if (!context.scene.intersect(ray, hit)) continue;
-      // Where the rays one pixel further on are after the same distance, seen from this one.
+      // Place of the rays one pixel further on, after the same distance, seen from this one.
       const auto offset = [&](float dx, float dy) {
         const Ray next = context.scene.camera_ray(x + dx, y + dy, middle, weight);
         return Vec3d(next.origin) - Vec3d(ray.origin) +

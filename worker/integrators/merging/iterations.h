@@ -122,7 +122,7 @@ Result<void> run_iterations(const UnitContext& context, const Unit& unit, const 
   return {};
 }
 
-// Those of one radius for the whole film.
+// Iterations with one radius for the whole film.
 template <class EyeEstimator>
 Result<void> run_progressive(const UnitContext& context, const Unit& unit, const UnitInput& input,
                              const IterationOptions& options, UnitOutput& output, const RunContext& run) {

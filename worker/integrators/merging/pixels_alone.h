@@ -1,4 +1,4 @@
-// Which statistics a thread may add to without atomic operations.
+// Finds the statistics that a thread may add to without atomic operations.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// How an integrator of the family merges.
+// Rules by which an integrator of the family merges.
 #pragma once
 
 #include "worker/transport/kernels.h"

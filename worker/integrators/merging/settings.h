@@ -36,8 +36,8 @@ struct MergeSettings {
         "0: the radius that holds ten photons of an iteration (median over the film), at most half a pixel "
         "(one if radii adapt, two without connections, ten in media without connections) or, if more, 0.003");
     visit("radius_pixels", radius_pixels, NumberRange{0, 1e6},
-          "if > 0: the first radius in pixel widths at the surfaces that the camera sees (median over the "
-          "film); overrides radius");
+          "if > 0: first radius in pixel widths at the surfaces that the camera sees (median over the film); "
+          "overrides radius");
     visit("radius_neighbors", radius_neighbors, 0, 1 << 14,
           "if > 0: choose the first radius so that it holds this many photons (median over the film); "
           "overrides radius and radius_pixels");
@@ -46,7 +46,7 @@ struct MergeSettings {
             "how the radius shrinks: the variance of n iterations falls as n^-alpha, their bias as "
             "n^(alpha-1)");
     visit("light_paths", light_paths, NumberRange{0, 64, true}, "light paths of an iteration, per pixel");
-    visit("kernel", kernel, "how merging weighs photons by their distance");
+    visit("kernel", kernel, "how the weight of a photon falls with its distance");
   }
 };
 

@@ -17,7 +17,7 @@ namespace {
 
 using transport::Between;
 
-// Of paths without a limit: beyond it, walks have long been ended by roulette.
+// For paths without a limit: roulette ends walks long before this length.
 constexpr std::uint32_t kLongest = 1u << 20;
 
 class MmltIntegrator final : public ChainIntegrator {

@@ -196,7 +196,7 @@ class OptimisIntegrator final : public IterationIntegrator {
     return {static_cast<std::uint64_t>(settings_.epoch_min), static_cast<std::uint32_t>(settings_.growth),
             static_cast<std::uint32_t>(settings_.lag), std::string(rule), std::move(constants)};
   }
-  // Of the unit's epoch; empty: the choice stays untrained.
+  // Weights of the unit's epoch; empty: the choice stays untrained.
   static Result<std::span<const std::uint8_t>> light_weights(const UnitInput& input,
                                                              const light_visibility::Layout& layout) {
     const auto state = input.states.find(light_visibility::kRule);

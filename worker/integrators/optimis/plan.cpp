@@ -66,7 +66,7 @@ scene::PointSampler representative(scene::PointSampler point, const scene::Scene
   return features.any_mesh_emitter && point == PointSampler::spherical ? point : PointSampler::own;
 }
 
-// Which ways of sampling points the scene needs.
+// Plans the ways of sampling points that the scene needs.
 void plan_points(const OptimisSettings& settings, const scene::SceneFeatures& features, bool full,
                  estimators::FirstVertexSetup& setup, Plan& plan) {
   std::vector<scene::PointSampler> seen;

@@ -1,4 +1,4 @@
-// What optimis does with a scene.
+// The plan of optimis for a scene.
 #pragma once
 
 #include "worker/estimators/first_vertex.h"
@@ -8,7 +8,7 @@
 
 namespace candela::integrators::optimis {
 
-// How the weights of the image come about.
+// Origin of the weights of the image.
 enum class ReadOut : std::uint8_t {
   film,    // the film is the image: a heuristic of densities
   sums,    // optimal weights from the sums of the job

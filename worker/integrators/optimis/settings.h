@@ -22,23 +22,20 @@ struct OptimisSettings {
   void fields(Visitor& visit) {
     common.path_fields(visit);
     visit("techniques", techniques,
-          "direct light at the first vertex that is not specular: by bsdf sampling, and by points on lights, "
-          "as path samples them (light), uniform in solid angle, in area, in their parallel projection");
+          "techniques for direct light at the first vertex that is not specular: bsdf sampling (bsdf), and "
+          "points on lights: as path samples them (light), uniform in solid angle (spherical), in area "
+          "(area), in their parallel projection (parallel)");
     visit("selection", selection,
-          "how the light of a point is chosen; each with each way of sampling points is a technique. "
-          "trained: as "
-          "contribution, less where shadow rays of earlier epochs found lights hidden, and as contribution "
-          "if the "
-          "first epoch found few hidden; weights are balance or another heuristic");
-    visit(
-        "light_groups", light_groups,
-        "groups of lights that share one alpha, and of each of which every technique draws a point: one, all "
-        "lights; infinite, lights that are infinitely far away apart from the others; each, every light, of "
-        "at most 8, all environments together");
+          "how a light is chosen; each choice with each way to sample points is a technique. trained: as "
+          "contribution, but less often lights that shadow rays of earlier epochs found hidden; weights must "
+          "be balance or another heuristic");
+    visit("light_groups", light_groups,
+          "groups of lights that share one alpha; every technique draws a point in each group. one: all "
+          "lights; infinite: lights at infinity, and the others; each: every light, at most 8, all "
+          "environments together");
     visit("weights", weights,
           "how the techniques are weighted against each other; auto: optimal, or balance if the plan expects "
-          "no "
-          "gain from optimal weights");
+          "no gain from optimal weights");
     visit("estimator", estimator,
           "with optimal weights: estimator that makes the image from the merged sums; fetch --estimator "
           "takes the others");
@@ -49,10 +46,11 @@ struct OptimisSettings {
           "estimator=progressive or selection=trained: an epoch has at least 1/growth of the iterations "
           "before it");
     visit("lag", lag, 0, 64,
-          "estimator=progressive or selection=trained: epochs that are rendered while the sums of those "
-          "before arrive");
-    visit("batch", batch, 2, 64, "estimator=fan: paths of a pixel in one iteration, solved for together");
-    visit("depth", depth, "full: beyond the first vertex by path tracing; direct: direct light there alone");
+          "estimator=progressive or selection=trained: epochs that are rendered while the sums of earlier "
+          "epochs arrive");
+    visit("batch", batch, 2, 64,
+          "estimator=fan: paths of a pixel in one iteration, for which one system is solved");
+    visit("depth", depth, "full: path tracing beyond the first vertex; direct: only direct light there");
     common.plan_field(visit);
   }
 };

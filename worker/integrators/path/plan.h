@@ -1,4 +1,4 @@
-// What path tracing needs for a scene.
+// Parts of path tracing that a scene needs.
 #pragma once
 
 #include "worker/integrators/plan_light.h"

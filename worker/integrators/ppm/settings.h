@@ -16,7 +16,7 @@ struct PpmSettings {
     common.plan_field(visit);
     merge.fields(visit);
     visit("photons", photons,
-          "caustics: stores and shows only light that comes to a vertex from a specular vertex");
+          "caustics: store and show only light that comes to a vertex from a specular vertex");
   }
 };
 

@@ -26,7 +26,7 @@ struct PssmltSettings {
 
   template <class Visitor>
   void fields(Visitor& visit) {
-    visit("over", over, "the estimator whose random numbers the chains mutate");
+    visit("over", over, "estimator whose random numbers the chains mutate");
     using namespace integrator_words;
     common.path_fields(
         visit, kPssmlt.rr_depth,

@@ -62,7 +62,7 @@ inline constexpr double kAlike = 1.05;
 // The trial of lowest inefficiency, or the last of those that count as equal: a small pilot does not see all
 // that further techniques gain if light is rare. Precondition: each trial has all techniques of those before.
 Choice choose(std::span<const Trial> trials);
-// Whether the last trial, which has the techniques of trial `chosen`, has less error times cost.
+// True if the last trial, which has the techniques of trial `chosen`, has less error times cost.
 bool last_is_better(std::span<const Trial> trials, std::size_t chosen);
 
 }  // namespace candela::integrators::upbp

@@ -12,10 +12,10 @@ namespace candela::integrators::upbp {
 
 // Expected in the first iteration; radii of later ones are smaller.
 struct ExpectedHits : transport::ByMerge<double> {
-  // Those of an iteration with `paths` times as many light paths, `beam_paths` times as many of which leave
+  // Hits of an iteration with `paths` times as many light paths, `beam_paths` times as many of which leave
   // beams.
   ExpectedHits scaled(double paths, double beam_paths) const;
-  // Those of a later iteration.
+  // Hits of a later iteration.
   ExpectedHits in(std::uint64_t iteration) const;
   // Divides the number of samples of each kind of merge by 1 + its hits.
   void divide(transport::MediumMerges& eta) const;

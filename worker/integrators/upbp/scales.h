@@ -16,7 +16,7 @@
 namespace candela::integrators::upbp {
 
 struct IterationScales {
-  // Of merging on surfaces. In media vertices hold eta (mis/beam_balance.h), whose factor is 1.
+  // Scale of merging on surfaces. In media vertices hold eta (mis/beam_balance.h), whose factor is 1.
   transport::ConstantScale surfaces;
   // By the number of the medium.
   std::vector<transport::MediumKernels> kernels;

@@ -32,18 +32,18 @@ struct UpbpSettings {
         "auto: the set that a short pilot finds best; all: every technique. Or a list of: vcm (connections), "
         "pp3d, pb2d, bp2d, bb1d (merges in media of light's points p or beams b with the eye's)");
     visit("merge_surfaces", merge_surfaces,
-          "merging on surfaces, beside whatever techniques says; false leaves it out, and with it the light "
-          "that nothing else in the list finds");
+          "merge on surfaces, whatever techniques says; false leaves out the light that no other technique "
+          "of the list finds");
     visit("beam_paths", beam_paths, -1, 1 << 30,
           "maximum light paths per iteration that store beams; the cost of bb1d is proportional to it; 0: "
           "all; -1: 128 or 1024, whichever a short pilot finds better (plan=full: 128)");
     visit("connect_media", connect_media, NumberRange{1e-3, 1},
-          "probability that a pair of vertices in media is connected: in media that scatter many times, most "
-          "of the time goes to such pairs, and merges find the same light");
+          "probability that a pair of vertices in media is connected; below 1, merges find more of the light "
+          "and iterations are faster in media that scatter many times");
     visit("query_beams", query_beams,
-          "beams of eye paths end where their flight ends, or go on to the end of a homogeneous medium; "
-          "techniques=auto may take long ones");
-    visit("photon_beams", photon_beams, "the same for light paths");
+          "end of the beams of eye paths: with their flight (short), or at the end of a homogeneous medium "
+          "(long); techniques=auto may take long ones");
+    visit("photon_beams", photon_beams, "the same for beams of light paths");
     const NumberRange range{0, 1};
     visit("radius_pp3d", radius_pp3d, range,
           "if > 0: radius of pp3d in the first iteration, instead of `radius`");
@@ -53,8 +53,9 @@ struct UpbpSettings {
     visit("radius_free_paths", radius_free_paths, NumberRange{0, 1e6},
           "upper bound of a radius in a medium, in mean free paths; larger radii darken its boundary; 0: no "
           "bound");
-    visit("layers", layers,
-          "further layers in the EXR: the part of the image that merging brings, or those of all techniques");
+    visit(
+        "layers", layers,
+        "further layers in the EXR: the part of the image that merging finds, or the part of each technique");
   }
 };
 

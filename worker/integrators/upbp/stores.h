@@ -11,14 +11,14 @@ namespace candela::integrators::upbp {
 
 using Photons = estimators::LightStore<transport::MisBlock>;
 
-// Which light paths leave beams: one in `stride`, from a place that is drawn for the iteration, so that each
-// path does with probability 1 / stride however paths are stratified.
+// Selects the light paths that leave beams: one in `stride`, from a place that is drawn for the iteration, so
+// that each path does with probability 1 / stride however paths are stratified.
 struct BeamPaths {
   std::uint64_t stride = 1, offset = 0;
   bool has(std::uint64_t path) const { return path % stride == offset; }
 };
 
-// What one chunk of light paths leaves: vertices and photons as for vcm, and beams. A handle; while it is in
+// Result of one chunk of light paths: vertices and photons as for vcm, and beams. A handle; while it is in
 // use it stays where it is.
 class BeamStore {
  public:
@@ -132,7 +132,7 @@ class EyeBeams {
     return found.point_beam + found.beam_beam;
   }
   // At a vertex that is connectible: the steps of MediumGather.
-  void announce(const transport::Vertex<transport::MisBlock>& v) const { gather_.announce(v); }
+  void prefetch(const transport::Vertex<transport::MisBlock>& v) const { gather_.prefetch(v); }
   Spectrum start(const transport::Vertex<transport::MisBlock>& v, Spectrum& path_sum) {
     gather_.start(v);
     const Spectrum found = gather_.beams_at(v, path_sum);

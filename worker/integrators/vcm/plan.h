@@ -1,4 +1,4 @@
-// Which techniques a scene needs.
+// Techniques that a scene needs.
 #pragma once
 
 #include "worker/integrators/planned.h"

@@ -21,8 +21,8 @@ struct VcmplusSettings {
     common.plan_field(visit);
     merge.fields(visit);
     merging::no_heuristic(visit);
-    visit("merge_media", merge_media, "merge in media too, with balls; connections cover media without");
-    visit("layers", layers, "a further layer in the EXR: the part of the image that merging brings");
+    visit("merge_media", merge_media, "merge in media too, inside balls; else connections cover media");
+    visit("layers", layers, "further layer in the EXR: the part of the image that merging finds");
     f_test.fields(visit);
     epochs.fields(visit);
   }

@@ -25,7 +25,7 @@ class VcmplusIntegrator final : public IterationIntegrator {
         adaptation_(std::move(adaptation)),
         colors_(colors) {}
 
-  // Where nothing is merged there is nothing to decide.
+  // If nothing is merged, there is nothing to decide.
   WorkPlan work(FilmSize /*size*/, const NamedState& state) const override {
     WorkPlan plan;
     if (planned_.techniques.merges()) plan = adaptive::work_plan(adaptation_, state.film_scale_log2);

@@ -10,7 +10,7 @@
 
 namespace candela::loaders {
 
-// Whether the bytes start as OpenVDB's files do.
+// True if the bytes start as OpenVDB's files do.
 inline bool is_vdb(std::string_view bytes) {
   return bytes.starts_with(std::string_view(" BDV\0\0\0\0", 8));
 }

@@ -21,7 +21,7 @@ std::vector<double> tolerances(const PreparedChain& chain, double gamma) {
   return out;
 }
 
-// Of the present path; a specular one is 0, whatever rounding left of it.
+// Slopes of the present path; a specular one is 0, whatever rounding left of it.
 std::vector<Pair> held_slopes(const PreparedChain& chain) {
   std::vector<Pair> out = chain.slopes;
   for (std::size_t i = 0; i < out.size(); ++i)

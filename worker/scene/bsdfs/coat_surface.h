@@ -32,7 +32,7 @@ struct CoatSurface {
                           const BuildContext& context);
   // Evaluates the layer at the hit, and prepares the base along the refracted direction in the arena.
   void prepare_coat(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, CoatClosure& out) const;
-  // Whether neither the layer nor the base scatters light that arrives along wo. The layer has as many sides
+  // True if neither the layer nor the base scatters light that arrives along wo. The layer has as many sides
   // as its base.
   bool is_black(const CoatClosure& layer, Vec3 wo) const;
 

@@ -50,7 +50,7 @@ class CoatTables {
     return result;
   }
 
-  // Of a roughness outside of [least, most]: the nearest.
+  // For a roughness outside of [least, most]: the nearest.
   CoatAt at(float alpha) const {
     if (tables_.size() == 1) return {tables_[0].get(), nullptr, 0};
     const auto last = static_cast<float>(tables_.size() - 1);

@@ -16,7 +16,7 @@ struct CoatedBase {
   bool prepare(const SurfacePoint& at, Spectrum& base, Spectrum& coat, float& specular_share) const {
     return prepare(at, internal_reflectance, base, coat, specular_share);
   }
-  // Where the coat's internal reflectance varies.
+  // For a coat whose internal reflectance varies.
   bool prepare(const SurfacePoint& at, double internal_reflectance_here, Spectrum& base, Spectrum& coat,
                float& specular_share) const;
   float max_albedo() const;

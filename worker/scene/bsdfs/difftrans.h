@@ -29,7 +29,7 @@ struct DiffuseTransmitterSurface {
   using ClosureType = DiffuseTransmitterClosure;
   static constexpr std::string_view kPlugins[] = {"difftrans"};
 
-  // Where textures add up to more than 1 in a channel, the transmittance is what the reflectance leaves.
+  // If textures add up to more than 1 in a channel, the transmittance is 1 - reflectance.
   ColorTexture transmittance, reflectance;
 
   Result<void> build(const description::Object& object, const BuildContext& context);

@@ -1,4 +1,4 @@
-// How wide the lobes of a closure are, and how they bend light: what mutations of half vectors need for their
+// Widths of the lobes of a closure, and how they bend light. Mutations of half vectors need both for their
 // steps.
 #pragma once
 
@@ -12,7 +12,7 @@ struct LobeShape {
   bool transmitted = false;
   // Roughness of facets, the smaller one of an anisotropic lobe; 0: a delta lobe; 1: a diffuse lobe.
   double alpha = 1;
-  // Of transmission: the index beyond the surface over that on wo's side. 1: light is not bent.
+  // For transmission: the index beyond the surface over that on wo's side. 1: light is not bent.
   double eta = 1;
 };
 

@@ -28,7 +28,7 @@
 
 namespace candela::scene {
 
-// Of a scene, which outlives it.
+// Edits of a scene, which must outlive this object.
 struct PathEdits {
   edits::PathStates of_light, of_eye;
   const SceneEdits* edits;
@@ -60,20 +60,20 @@ class EditedWalk {
   void medium(std::uint32_t medium, Vec3 p);
   void leave_medium();
 
-  // What the vertex is connected to: all that its closure evaluates from now on holds for that. The other end
-  // of a light path is the eye unless told otherwise.
+  // Sets the other end of the connection: all that its closure evaluates from now on holds for that. The
+  // other end of a light path is the eye unless told otherwise.
   void towards_lamp(std::uint32_t emitter) { other_ = at_lamp(emitter); }
   void towards_eye() { other_ = all_.of_eye.at_eye(); }
   // A vertex of a walk from the other end, which lies along the direction d (unit, world) of this vertex, and
   // whose wo is towards where that walk came from.
   void towards(const EditedWalk& end, Vec3 wo, Vec3 d);
-  // What a connection of the vertex in the medium gets.
+  // Share of a connection of the vertex in the medium.
   Spectrum medium_share() const { return arrived_.share[others().next(other_, medium_)]; }
-  // What the edge under way gets where it ends, at the lamp and at the lens.
+  // Shares of the edge under way that ends at the lamp, and at the lens.
   Spectrum share_at_lamp(std::uint32_t emitter) const { return left_.share[at_lamp(emitter)]; }
   Spectrum share_at_eye() const { return left_.share[all_.of_eye.at_eye()]; }
 
-  // Of the closure.
+  // The same of the closure.
   ClosureTraits traits() const;
   Spectrum eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, const float* diffuse_below, float& pdf) const;
   bool sample(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
@@ -123,7 +123,7 @@ class EditedWalk {
   Closure nested_;
   EditedClosure base_{};  // without treatments
   bool plain_ = true;     // no state has an edit here
-  // Of the lobes that are not delta: all are of one letter, which tells states apart; else they lead to the
+  // True: all lobes that are not delta have one letter, which tells states apart; else they lead to the
   // same states.
   bool one_letter_ = false;
   Lobe letter_ = diffuse;

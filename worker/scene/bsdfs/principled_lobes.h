@@ -1,4 +1,4 @@
-// What Disney's two materials share [Burley 2012] [Burley 2015].
+// Lobes that Disney's two materials share [Burley 2012] [Burley 2015].
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// What a rough dielectric boundary does not reflect, as a whole: the light that gets through to a diffuse
+// Total transmittance of a rough dielectric boundary: the light that gets through to a diffuse
 // base beneath it. As in Mitsuba, what Smith's masking loses outside counts as passing.
 #pragma once
 

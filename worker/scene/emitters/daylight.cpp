@@ -107,7 +107,7 @@ Vec3d sun_radiance(double turbidity, double theta) {
   return {std::max(0.0, rgb[0]), std::max(0.0, rgb[1]), std::max(0.0, rgb[2])};
 }
 
-// Of the ground, by channel: Mitsuba 3's default (legacy.cpp has 0.6's).
+// Albedo of the ground, by channel: Mitsuba 3's default (legacy.cpp has 0.6's).
 Vec3d albedo_of(const description::Object& emitter) {
   const auto rgb = emitter.get_rgb("albedo");
   return rgb ? Vec3d{rgb->value[0], rgb->value[1], rgb->value[2]} : Vec3d{0.3, 0.3, 0.3};

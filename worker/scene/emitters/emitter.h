@@ -21,7 +21,7 @@ enum class DirectOutcome : std::uint8_t {
             // chosen has no density per solid angle (seen from behind). DirectSample is not filled
 };
 
-// Whether light from wi counts at a scattering side `front` (see Scene::sample_direct; zero: both sides).
+// True if light from wi counts at a scattering side `front` (see Scene::sample_direct; zero: both sides).
 inline bool faces(Vec3 front, Vec3 wi) {
   return (front.x == 0 && front.y == 0 && front.z == 0) || dot(front, wi) > 0;
 }
@@ -42,7 +42,7 @@ struct DirectSample {
   std::uint32_t primitive = kNone;  // of the surface, as in SurfaceHit; set where the density reads it
 };
 
-// How sample_emission chooses where light starts, and where to.
+// Densities with which sample_emission chooses the start and direction of light.
 struct EmissionDensity {
   float prob = 0;      // discrete, of the choice of emitter; of all environments together
   float pdf_area = 0;  // of the position: per area of the surface, or (infinite) of the disk across the
@@ -55,7 +55,7 @@ struct EmissionDensity {
 
 // Light leaving an emitter.
 struct EmissionSample : EmissionDensity {
-  // Where it starts: p, ng, shading, uv, error, shape, bsdf and emitter as a ray meeting the emitter there
+  // Its start: p, ng, shading, uv, error, shape, bsdf and emitter as a ray meeting the emitter there
   // would find them (distance is not set; primitive is set by meshes only). Without a surface: ng is the
   // direction.
   SurfaceHit vertex;

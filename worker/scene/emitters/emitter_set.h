@@ -116,14 +116,14 @@ class EmitterSet {
   float importance(std::uint32_t i, Vec3 p, Vec3 front) const {
     return visit(i, [&](const auto& e) { return e.importance(p, front); });
   }
-  // What SurfaceLanes needs of an emitter that is a surface; nothing for another one.
+  // Data for SurfaceLanes of an emitter that is a surface; nothing for another one.
   std::optional<SurfaceLane> lane(std::uint32_t i) const {
     return visit(i, [](const auto& e) -> std::optional<SurfaceLane> {
       if constexpr (requires { e.lane(); }) return e.lane();
       return std::nullopt;
     });
   }
-  // Whether a surface sends any light to p.
+  // True if a surface sends any light to p.
   bool reaches(std::uint32_t i, Vec3 p) const {
     return visit(i, [&](const auto& e) {
       if constexpr (requires { e.reaches(p); }) return e.reaches(p);

@@ -19,7 +19,7 @@ struct LightPoint : SurfacePoint {
   float pdf_solid_angle = 0;
 };
 
-// Whether a sample of this density can be used: neither zero, nor beyond the range of floats, nor NaN.
+// True if a sample of this density can be used: neither zero, nor beyond the range of floats, nor NaN.
 inline bool usable_density(double pdf) {
   return pdf > 0 && pdf < static_cast<double>(std::numeric_limits<float>::max());
 }

@@ -157,7 +157,7 @@ class Lights {
   const Geometry* geometry_;
   EmitterSet emitters_;
   SceneExtent extent_;
-  // How the adapted technique chooses.
+  // The way in which the adapted technique chooses.
   enum class Adapted : std::uint8_t { importance, tree, power } adapted_ = Adapted::importance;
   bool draws_choice_ = false;  // sample() reads its first number
   ImportanceChooser by_importance_{emitters_};

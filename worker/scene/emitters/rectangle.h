@@ -23,7 +23,7 @@ class RectangleSurface {
   RectangleSurface(const Rectangle& rectangle, float error);
   // The reference is strictly in front.
   bool reaches(Vec3 reference) const { return dot(reference - rectangle_.corner, rectangle_.normal) > 0; }
-  // What reaches() reads.
+  // The plane that reaches() reads.
   void plane(Vec3& corner, Vec3& normal) const {
     corner = rectangle_.corner;
     normal = rectangle_.normal;
@@ -45,7 +45,7 @@ class RectangleSurface {
     double solid_angle;
   };
   bool spherical(Vec3 reference, Spherical& out) const;
-  // What `spherical` and `parallel` of sample_by() see from the reference.
+  // The corner as `spherical` and `parallel` of sample_by() see it from the reference.
   Vec3d from(Vec3 reference) const { return Vec3d(rectangle_.corner) - Vec3d(reference); }
   double volume(Vec3 reference) const { return -dot(from(reference), Vec3d(rectangle_.normal)) * area_; }
   SphericalRectangle rectangle_from(Vec3 reference) const;

@@ -12,7 +12,7 @@
 
 namespace candela::scene {
 
-// What lies on both sides of a surface; kNone: nothing that scatters or absorbs.
+// Media on both sides of a surface; kNone: nothing that scatters or absorbs.
 struct MediumInterface {
   std::uint32_t interior = kNone, exterior = kNone;  // behind and before the geometric normal
 };
@@ -41,7 +41,7 @@ class Media {
 
   // The index of a medium; one object is built once, however often it is referred to.
   Result<std::uint32_t> add(const description::ObjectPtr& medium, const description::FileSource& files);
-  // Of the children `interior` and `exterior` of a shape; kNone where it has neither.
+  // Adds the children `interior` and `exterior` of a shape; kNone if it has neither.
   Result<std::uint32_t> add_interface(const description::Object& shape, const description::FileSource& files);
 
  private:

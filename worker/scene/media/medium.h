@@ -23,7 +23,7 @@
 
 namespace candela::scene {
 
-// How far light, or a walk, gets along a ray before something happens to it.
+// Distance that light, or a walk, gets along a ray before it interacts.
 struct DistanceSample {
   bool scattered = false;
   float distance = 0;  // where scattered, up to the ray's t_max
@@ -65,7 +65,7 @@ class Medium {
     bool gray_;
   };
 
-  // Of the ray up to its t_max: exact where homogeneous, else an unbiased estimate in [0, 1].
+  // Transmittance of the ray up to its t_max: exact if homogeneous, else an unbiased estimate in [0, 1].
   Spectrum transmittance(const Ray& ray, rng::Stream& stream) const;
 
   Spectrum sigma_t(Vec3 p) const;

@@ -31,7 +31,7 @@ class Phase {
     return phase;
   }
 
-  // Of particles much smaller than the wavelength.
+  // Particles much smaller than the wavelength.
   static Phase rayleigh() {
     Phase phase;
     phase.kind_ = PhaseKind::rayleigh;

@@ -85,7 +85,7 @@ class Tracking::Walk {
         .cells_[(static_cast<std::size_t>(index_[2]) * n[1] + static_cast<std::size_t>(index_[1])) * n[0] +
                 static_cast<std::size_t>(index_[0])];
   }
-  // Where the ray leaves the cell.
+  // Distance at which the ray leaves the cell.
   double exit() const { return std::min(std::min(next_[0], next_[1]), std::min(next_[2], end_)); }
   void leave_cell() {
     const std::size_t k =

@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::uint64_t kMostValues = std::uint64_t{1} << 30;
 
-// How far rounding may move a point over a cell's wall, in cells.
+// Maximum distance by which rounding moves a point over a cell's wall, in cells.
 constexpr double kSlack = 1e-6;
 
 Spectrum mix(Spectrum a, Spectrum b, float t) {

@@ -106,7 +106,7 @@ SurfaceGeometry sphere_geometry(const Sphere& sphere, double u, double v) {
 void set_on_sphere(const Sphere& sphere, Vec3d p, CanonicalPoint& point) {
   const Vec3d n = to_axes(sphere.axes, normalize(p - sphere.center));
   const double r2 = n.x * n.x + n.y * n.y;
-  // Of 1 - z the form that does not cancel.
+  // 1 - z in the form that does not cancel.
   const double below = n.z > 0 ? r2 / (1 + n.z) : 1 - n.z;
   point.u = n.x / below;
   point.v = n.y / below;

@@ -16,7 +16,7 @@ void set_place(const Geometry& geometry, Vec3d p, CanonicalPoint& point);
 // nearest to `near`; `near` itself, put onto the primitive, if rounding has the line miss it.
 void set_meeting(const Geometry& geometry, Vec3d origin, Vec3d direction, Vec3d near, CanonicalPoint& point);
 
-// Whether the geometry has the primitive, and u and v are those of a point on it.
+// True if the geometry has the primitive, and u and v are those of a point on it.
 bool exists(const Geometry& geometry, const CanonicalPoint& point);
 
 // The index of its shape.

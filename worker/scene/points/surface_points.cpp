@@ -11,7 +11,7 @@ std::optional<CanonicalPoint> SurfacePoints::intersect(const Ray& ray, Vec3d ori
   point.instance = found.instance;
   point.primitive = found.primitive;
   point.kind = static_cast<std::uint8_t>(found.kind);
-  // Of two meetings with a round surface the one that Scene::intersect() takes.
+  // A ray meets a round surface twice: take the place that Scene::intersect() takes.
   SurfaceHit rounded;
   if (found.instance == kNone)
     geometry_.hit(ray, found.kind, found.primitive, rounded);

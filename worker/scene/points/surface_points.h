@@ -30,10 +30,10 @@ class SurfacePoints {
   std::optional<CanonicalPoint> of(const SurfaceHit& hit) const;
 
   SurfaceGeometry at(const CanonicalPoint& point) const;
-  // What a ray that meets the point finds. Its distance is 0.
+  // Hit of a ray that meets the point. Its distance is 0.
   SurfaceHit hit(const CanonicalPoint& point) const;
 
-  // Whether the scene has such a point: of one that was read from bytes.
+  // True if the scene has such a point, which was read from bytes.
   bool exists(const CanonicalPoint& point) const;
 
  private:

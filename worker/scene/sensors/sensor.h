@@ -69,7 +69,7 @@ class Sensor {
   // at the point, an orthographic camera not at the direction. Clip planes are not looked at.
   bool density(Vec3 point, Vec3 direction, float border, CameraDensity& out) const;
 
-  // Of light traveling along the ray: the distance at which it passes the near plane on its way through a
+  // For light that travels along the ray: the distance at which it passes the near plane on its way through a
   // finite lens onto the film; false: it does not. `out` is of the reversed ray.
   bool intersect(const Ray& ray, float border, float& distance, CameraDensity& out) const;
 

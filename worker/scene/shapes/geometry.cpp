@@ -288,7 +288,7 @@ void Geometry::triangle_partials(std::uint32_t index, SurfaceHit& hit) const {
   const Triangle& t = triangles[index];
   const Vec3d v0(t.v0), e1 = Vec3d(t.v1) - v0, e2 = Vec3d(t.v2) - v0;
   if (!t.mapped) {
-    // Of the barycentric coordinates, which are the parameters where there are no others.
+    // Derivatives by the barycentric coordinates, the parameters of a mesh without (u, v).
     hit.dp_du = Vec3(e1);
     hit.dp_dv = Vec3(e2);
     return;

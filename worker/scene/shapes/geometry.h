@@ -30,7 +30,7 @@ struct ShapeRecord {
   std::uint32_t emitter = kNone;
   std::uint32_t medium_interface = kNone;
   std::uint32_t first_triangle = 0, triangle_count = 0;  // in Geometry::triangles
-  // What is not made of triangles is one primitive, in Geometry's array of its kind.
+  // A shape that is not made of triangles is one primitive, in Geometry's array of its kind.
   std::uint32_t sphere = kNone, disk = kNone, cylinder = kNone;
   bool reads_uv = false;         // a texture or an anisotropic bsdf depends on the parameterization
   bool reads_partials = false;   // hits need dp_du and dp_dv
@@ -100,7 +100,7 @@ struct Geometry {
   void add(Shape shape, ShapeRecord record);
   // Shapes added from here on are those of a new group; its index.
   std::uint32_t begin_group();
-  // Of a group that is complete. Its bounds may not be empty, the transform not singular.
+  // Precondition: the group is complete, its bounds are not empty, the transform is not singular.
   void add_instance(std::uint32_t group, const Transform& to_world);
   void finish();
 

@@ -9,15 +9,15 @@
 
 namespace candela::scene {
 
-// Whether parts of the shape may have different bsdfs, those of the names of their materials.
+// True if parts of the shape may have different bsdfs, those of the names of their materials.
 bool has_bsdfs_by_name(const description::Object& shape);
 
 struct BsdfMesh {
   description::ObjectPtr bsdf;  // null: the shape gives none
   loaders::Mesh mesh;
 };
-// Of several bsdfs that fit a material, those without a name and those of its name, the last counts. In the
-// order of the file.
+// If several bsdfs fit a material (those without a name, and those of its name), the last one counts. Parts
+// are in the order of the file.
 std::vector<BsdfMesh> split_by_bsdf(loaders::ObjMesh read, const description::Object& shape);
 
 struct BsdfShape {

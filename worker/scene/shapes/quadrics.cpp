@@ -8,9 +8,9 @@
 namespace candela::scene {
 namespace {
 
-// What double leaves of cancellation at the size of the primitive.
+// Error of cancellation in double, at the size of the primitive.
 constexpr double kDoubleNoise = 0x1p-40;
-// Where the surface is straight, a direction that grazes it by the normal rounded to float may dip below the
+// If the surface is straight, a direction that grazes it by the normal rounded to float may dip below the
 // true one by this for each unit of length. (A sphere curves away from it.)
 constexpr double kGrazing = 4 * static_cast<double>(kHalfUlp);
 
@@ -28,7 +28,7 @@ float turns(double along_s, double along_t) {
   return u < 0 ? std::min(u + 1, 0x1.fffffep-1f) : u;
 }
 
-// Where |f + d t| = radius. The discriminant from the distance of the line to the center, which does not
+// Solves |f + d t| = radius. The discriminant from the distance of the line to the center, which does not
 // cancel far away (Haines et al. 2019).
 bool roots(Vec3d f, Vec3d d, double radius, double& near, double& far) {
   const double a = dot(d, d);
@@ -38,7 +38,7 @@ bool roots(Vec3d f, Vec3d d, double radius, double& near, double& far) {
   const double rest = radius * radius - dot(closest, closest);
   if (!(rest >= 0)) return false;
   const double half = std::sqrt(rest / a);
-  // Of the two roots the one far from zero is sure; the other follows from their product, which is exact near
+  // The root far from zero is sure; the other one follows from the product of both, which is exact near
   // the surface.
   const double product = (dot(f, f) - radius * radius) / a;
   const double sure = b >= 0 ? b + half : b - half;

@@ -1,4 +1,4 @@
-// What rounding to float can do to a point on a surface.
+// Bounds of the error of a point on a surface that is rounded to float.
 #pragma once
 
 #include <cmath>
@@ -9,8 +9,8 @@ namespace candela::scene {
 
 inline constexpr float kHalfUlp = 0x1p-24f;  // the largest relative error of rounding to float
 
-// How far a point rounded once, and the origin of a ray rounded again, leave the plane with normal n through
-// it; see geometry.cpp.
+// Distance by which a point rounded once, and the origin of a ray rounded again, leave the plane with normal
+// n through it; see geometry.cpp.
 inline float rounding_error(Vec3 n, Vec3 p) {
   return 3 * kHalfUlp * (std::abs(n.x * p.x) + std::abs(n.y * p.y) + std::abs(n.z * p.z));
 }

@@ -87,7 +87,7 @@ Result<Shape> build_rectangle(const description::Object& object, const Transform
   return shape;
 }
 
-// What rays can be traced against: squares of coordinates stay finite in float, those of sizes above zero.
+// Checks that rays can be traced: squares of coordinates stay finite in float, those of sizes above zero.
 Result<void> check_range(const description::Object& object, const Bounds& bounds, double least_size) {
   for (const Vec3d p : {bounds.low, bounds.high}) {
     if (!(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= 1e18) || !(least_size > 1e-30)) {
@@ -122,7 +122,7 @@ Result<Shape> build_sphere(const description::Object& object, const Transform& t
   return shape;
 }
 
-// Of one length and at right angles, to the tolerance of Transform::is_similarity.
+// True if both have one length and are at right angles, to the tolerance of Transform::is_similarity.
 bool is_circle(Vec3d a, Vec3d b) {
   const double la = length(a), lb = length(b);
   return std::abs(la - lb) <= 1e-4 * la && std::abs(dot(a, b)) <= 1e-4 * la * lb;
@@ -240,7 +240,7 @@ Result<loaders::ObjMesh> mesh_of_file(const description::Object& object, const d
     CANDELA_TRY(charge.add(bytes.view.size(), object.where, "the mesh of '" + file + "'"));
   loaders::ObjMesh read;
   loaders::Mesh& mesh = read.mesh;
-  // Of a scene that was moved (placement.h).
+  // The origin of a scene that was moved (placement.h).
   const description::Vec3 at = object.get_vec3("origin", {0, 0, 0});
   const Vec3d origin{at[0], at[1], at[2]};
   loaders::WantedAttributes wanted{attributes, std::nullopt};

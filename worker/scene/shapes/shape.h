@@ -44,7 +44,7 @@ struct Shape {
 Result<Shape> build_shape(const description::Object& object, const description::FileSource& files,
                           const std::vector<std::string>& attributes = {});
 
-// Whether to_world makes an ellipse, an ellipsoid or a cylinder over an ellipse of a disk, a sphere or a
+// True if to_world makes an ellipse, an ellipsoid or a cylinder over an ellipse of a disk, a sphere or a
 // cylinder. build_shape() refuses these; an instance of the round shape is what they are.
 bool is_stretched(const description::Object& object);
 

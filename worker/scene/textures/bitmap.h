@@ -13,7 +13,7 @@
 
 namespace candela::scene {
 
-// Of texels outside of the image. zero and one are Mitsuba 0.6's: such texels have that value.
+// Lookup outside of the image. zero and one are Mitsuba 0.6's: texels there have that value.
 enum class Wrap : std::uint8_t { repeat, mirror, clamp, zero, one };
 
 class Bitmap final : public Texture {

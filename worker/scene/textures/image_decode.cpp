@@ -33,14 +33,14 @@ Error image_error(std::string message, const std::string& file) {
 
 using image::one_line;
 
-// Whether the library needs the whole image at once, whatever rows it is asked for.
+// True if the library needs the whole image at once, whatever rows it is asked for.
 bool held_whole(std::string_view format, std::string_view bytes) {
   constexpr std::size_t png_interlace = 28;  // in the header chunk
   if (format == "png") return bytes.size() > png_interlace && bytes[png_interlace] != 0;
   return format == "jpeg" || format == "bmp" || format == "targa";
 }
 
-// Whether a JPEG has four components: inks, which have no colors without their profile. The library would
+// True if a JPEG has four components: inks, which have no colors without their profile. The library would
 // guess.
 bool is_jpeg_of_inks(std::string_view bytes) {
   const auto byte = [&](std::size_t at) { return static_cast<unsigned char>(bytes[at]); };
@@ -90,7 +90,7 @@ class Decoder {
     return std::string_view("56Ff").find(encoded_[1]) != std::string_view::npos;
   }
   Result<void> open_pnm();
-  // Of the parts of an OpenEXR file, the first that has what is wanted: colors, or the channel.
+  // Chooses the first part of an OpenEXR file that has what is wanted: colors, or the channel.
   Result<void> choose_part();
   // The names of the part's channels.
   std::string part_text() const;
@@ -284,7 +284,7 @@ int Decoder::single_channel() const {
   return spec_.channels.size() == 2 && alpha >= 0 ? 1 - alpha : -1;
 }
 
-// Where red, green and blue are among the channels; one-channel images give all three the same.
+// Finds red, green and blue among the channels; one-channel images give all three the same.
 Result<void> Decoder::find_channels() {
   int found[3];
   if (!reading_.channel.empty() && reading_.channel != kNumber) {

@@ -11,7 +11,7 @@
 
 namespace candela::scene {
 
-// How a file's numbers are read.
+// Interpretation of a file's numbers.
 struct ImageReading {
   // value: as its file means it (integers are sRGB, OpenEXR, PFM, HDR and other floats are linear).
   enum class Encoding { file, linear, srgb, power };

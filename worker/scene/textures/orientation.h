@@ -9,9 +9,9 @@
 
 namespace candela::scene {
 
-// How an image is stored, as TIFF and Exif count: where its first row and its first column are when it is
-// seen upright. 1: top, left; 2: top, right; 3: bottom, right; 4: bottom, left; 5: left, top; 6: right, top;
-// 7: right, bottom; 8: left, bottom.
+// Orientation of a stored image, as TIFF and Exif count: where its first row and its first column are when it
+// is seen upright. 1: top, left; 2: top, right; 3: bottom, right; 4: bottom, left; 5: left, top; 6: right,
+// top; 7: right, bottom; 8: left, bottom.
 struct Orientation {
   int code = 1;
 

@@ -82,8 +82,8 @@ class TextureStore {
                         const Geometry* geometry = nullptr)
       : files_(&files), geometry_(geometry), scratch_(limits) {}
 
-  // What the slot `name` of `owner` holds: an rgb or number property, a texture child, or `otherwise`. Errors
-  // name file, line and the slot.
+  // Builds what the slot `name` of `owner` holds: an rgb or number property, a texture child, or `otherwise`.
+  // Errors name file, line and the slot.
   Result<ColorTexture> color(const description::Object& owner, std::string_view name, Spectrum otherwise);
   Result<FloatTexture> number(const description::Object& owner, std::string_view name, float otherwise);
 
@@ -101,7 +101,7 @@ class TextureStore {
   Scratch& scratch() { return scratch_; }
 
   std::uint32_t texture_count() const { return static_cast<std::uint32_t>(textures_.size()); }
-  // Of decoded texels: in memory, and in the scratch file.
+  // Bytes of decoded texels: in memory, and in the scratch file.
   std::uint64_t memory_bytes() const { return scratch_.memory_bytes(); }
   std::uint64_t file_bytes() const { return scratch_.file_bytes(); }
 

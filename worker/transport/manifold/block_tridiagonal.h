@@ -18,7 +18,7 @@ class BlockTridiagonal {
   std::size_t size() const { return inverse_u_.size(); }
   double det() const { return det_; }
   double log_abs_det() const { return log_abs_det_; }
-  // Of J x = r.
+  // Solves J x = r.
   std::vector<Pair> solve(std::span<const Pair> r) const;
   // T_i = dx_i / dx_k, all constraints fixed: by inner vertex.
   std::vector<Mat2> by_last_end() const;

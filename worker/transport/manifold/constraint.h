@@ -27,7 +27,7 @@ struct Blocks {
 Pair constraint(Form form, const Chain& chain, std::size_t i);
 Blocks blocks(Form form, const Chain& chain, std::size_t i);
 
-// Of all inner vertices, in order.
+// For all inner vertices, in order.
 std::vector<Pair> constraints(Form form, const Chain& chain);
 std::vector<Blocks> blocks(Form form, const Chain& chain);
 

@@ -1,4 +1,4 @@
-// What a chain's walk asks of the scene.
+// The scene as a chain's walk sees it.
 #pragma once
 
 #include <cstddef>

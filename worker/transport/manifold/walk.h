@@ -16,7 +16,7 @@ namespace candela::transport::manifold {
 struct WalkRules {
   std::uint32_t max_iterations = 15;
   double min_step = 1.0 / 40;
-  // How near a walk back must come to where the first began, over the size of the chain.
+  // Maximum distance of the end of a walk back from the first start, over the size of the chain.
   double return_distance = 1e-6;
 };
 
@@ -53,7 +53,7 @@ std::vector<Vec3d> predicted_places(const Chain& chain, std::span<const Pair> st
 Walked walk(Chain& chain, std::span<const Pair> targets, std::span<const double> tolerances,
             const Surfaces& surfaces, const WalkRules& rules);
 
-// Whether the walk from `moved` to the slopes `back` of `start`, with the ends of `start`, arrives there. A
+// True if the walk from `moved` to the slopes `back` of `start`, with the ends of `start`, arrives there. A
 // mutation that fails this test is rejected; without it detailed balance does not hold.
 bool returns(const Chain& moved, const Chain& start, std::span<const Pair> back,
              std::span<const double> tolerances, const Surfaces& surfaces, const WalkRules& rules);

@@ -12,7 +12,7 @@ namespace candela::transport {
 // The first word is the light's entity, the second the eye's.
 struct MediumMerges {
   double point_point = 0, point_beam = 0, beam_point = 0, beam_beam = 0;
-  // Whether light's and the eye's beams go on behind the end of their flight. A long beam does not choose
+  // True: light's and the eye's beams go on behind the end of their flight. A long beam does not choose
   // whether it gets to a place either, so that its merges divide by the survival of its edge, too.
   bool long_photon_beams = false, long_query_beams = false;
 

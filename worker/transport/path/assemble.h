@@ -11,7 +11,7 @@
 
 namespace candela::transport::path {
 
-// Whether the scene has the points, emitters and media that the path names.
+// True if the scene has the points, emitters and media that the path names.
 bool exists(const scene::Scene& scene, const Path& path);
 
 struct Assembled {

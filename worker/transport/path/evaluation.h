@@ -43,12 +43,12 @@ class Evaluation {
   // The measurement contribution f(x), per channel: emitted radiance, geometric terms, transmittance, bsdfs
   // as radiance has them (towards the light x_{i-1}, with the shading normal's cosine there), importance.
   std::array<Scaled, 3> contribution() const;
-  // What a technique gives where it makes this path: f over the density with which it truly does, that of
+  // Contribution of a technique that makes this path: f over the density with which it truly does, that of
   // flights and straight passes included; without roulette, and without a merge's kernel.
   std::array<double, 3> estimator_value(const Technique& technique) const;
 
  private:
-  // Of an edge, from the light to the eye: stretches of one medium, and surfaces passed between them.
+  // Parts of an edge, from the light to the eye: stretches of one medium, and surfaces passed between them.
   struct Stretch {
     std::uint32_t medium = scene::kNone;
     double length = 0;
@@ -76,7 +76,7 @@ class Evaluation {
   bool evaluate_ends();
   std::array<double, 3> transmittance(const Edge& edge) const;
   std::array<double, 3> emitted() const;
-  // Of the light's (eye's) walk making its first `count` vertices.
+  // Density with which the light's (eye's) walk makes its first `count` vertices.
   Scaled walk_density(bool from_light, std::size_t count) const;
   enum class Arrival : std::uint8_t { surface, medium, lens };
   Scaled fly(bool from_light, std::size_t edge, Arrival arrival, bool expects_passes,

@@ -38,7 +38,7 @@ struct InnerVertex {
   scene::SurfaceHit hit;
   std::uint32_t medium = scene::kNone;  // of a vertex in it
   bool delta = false;                   // the path turns here by a delta lobe
-  // Where several delta lobes share a direction: the probability of that meant, by a walk from the eye or (if
+  // If several delta lobes share a direction: the probability of that meant, by a walk from the eye or (if
   // so said) from the light. 0: any.
   double delta_prob = 0;
   bool delta_prob_from_light = false;
@@ -61,9 +61,9 @@ struct FullPath {
 struct PathNumbers {
   std::size_t edges = 0;  // k
   bool light_can_be_hit = false, lens_can_be_hit = false;
-  // Of the end points alone; as next event estimation at x_1, or a connection at x_{k-1}, chooses them.
+  // Densities of the end points; as next event estimation at x_1, or a connection at x_{k-1}, chooses them.
   double light_prob = 0, light_direct = 0, lens_prob = 0, lens_connect = 0;
-  // Of the direction in which the light's walk leaves x_i (i < k), and the eye's (i > 0), per solid angle;
+  // Densities per solid angle of the direction in which the light's walk leaves x_i (i < k), the eye's i > 0;
   // beyond an end point at infinity: of the place, per area across it. The eye's first counts all its paths.
   std::vector<double> pdf_to_eye, pdf_to_light;
   // Cosine or hazard at x_i for its edge towards the eye, and towards the light; 1 where there is none.
@@ -71,7 +71,7 @@ struct PathNumbers {
   std::vector<double> survival, distance_squared;  // of edges; distance 1 to infinity
   std::vector<bool> delta, in_medium;              // of vertices
   std::vector<std::uint32_t> medium;               // of vertices in one: its number; kNone on surfaces
-  // Of vertices in media, where there are beams: the sine of the angle between their two edges; 0 elsewhere.
+  // Vertices in media, if there are beams: the sine of the angle between their two edges; 0 elsewhere.
   std::vector<double> beam_sine;
 
   double light_density(std::size_t i) const;  // P_i

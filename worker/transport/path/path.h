@@ -25,7 +25,7 @@ inline constexpr std::size_t kKinds = 7;
 
 struct PathVertex {
   Kind kind = Kind::surface;
-  // Of a surface: the path turns here by a delta lobe, which transmits or reflects. Two paths that differ in
+  // Surfaces: the path turns here by a delta lobe, which transmits or reflects. Two paths that differ in
   // a flag alone are two states.
   bool delta = false, transmitted = false;
   std::uint32_t object = scene::kNone;  // the index of the emitter, or of the medium
@@ -71,7 +71,7 @@ struct Path {
 // length.
 PathRange changed_range(const Path& from, const Path& to);
 
-// Where a chain's first path comes from: the sample of the bootstrap, and of its subpaths the numbers of
+// Origin of a chain's first path: the sample of the bootstrap, and of its subpaths the numbers of
 // vertices from the light and from the sensor that were joined.
 struct PathSeed {
   std::uint64_t sample = 0;

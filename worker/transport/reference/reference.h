@@ -19,7 +19,7 @@ using path::Rules;
 using path::Scaled;
 using path::Technique;
 
-// How often per eye path each technique is run, not raised to any power; 0: not.
+// Samples per eye path of each technique, not raised to any power; 0: not run.
 struct Counts {
   double hit_light = 1, next_event = 1, connect = 1, light_image = 1, hit_lens = 1;
   double connect_media = 1;                    // share of the connections of two vertices in media
@@ -27,7 +27,7 @@ struct Counts {
   // The same of beams: number of light paths times the effective area or length. First the light's entity,
   // then the eye's.
   double point_beam = 0, beam_point = 0, beam_beam = 0;
-  // Whether light's and the eye's beams in a medium are long, by its number; beyond: they are short.
+  // True: light's and the eye's beams in the medium of this number are long; beyond: they are short.
   std::vector<bool> long_photon_beams = {}, long_query_beams = {};
   static bool in(const std::vector<bool>& media, std::uint32_t medium) {
     return medium < media.size() && media[medium];

@@ -1,4 +1,4 @@
-// What a gather (technique/merge.h) may collect of its merges beside their sum: a policy, with
+// Statistics that a gather (technique/merge.h) may collect beside the sum: a policy, with
 //   kCollects   false: nothing is computed, and nothing else is asked for
 //   place(at)   optional: the eye path that is next is of this place on the film
 //   begin()     an eye path is next

@@ -29,7 +29,7 @@ struct SurfacePilot {
   DiscKernel disc;
 };
 
-// Those of pixels: levels of a table, by a map of one byte a pixel. Views, which have to outlive it.
+// Pilots of pixels: levels of a table, by a map of one byte a pixel. Views, which have to outlive it.
 struct PilotMap {
   std::span<const SurfacePilot> levels;
   std::string_view map;

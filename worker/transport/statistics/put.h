@@ -1,4 +1,4 @@
-// How statistics get into an accumulator.
+// Writes statistics to an accumulator.
 #pragma once
 
 #include <cstdint>

@@ -74,7 +74,7 @@ class WeightedSectors {
                           key);
   }
 
-  // Of each color in turn.
+  // Sums of each color in turn.
   std::span<const double> sums() const { return std::span(sums_).first(count_ * Sectors::kCount); }
   std::span<const double> squares() const { return std::span(squares_).first(count_); }
 

@@ -38,7 +38,7 @@ struct WeightTerms {
   double eye_step = 0, eye_reverse = 0;
 };
 
-// Whether Scene::sample_direct reads its u_select: a fact of the scene.
+// True if Scene::sample_direct reads its u_select: a fact of the scene.
 template <class SceneT>
 bool reads_emitter_choice(const SceneT& scene) {
   const scene::SceneFeatures& features = scene.features();

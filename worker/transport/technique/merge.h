@@ -39,7 +39,7 @@ struct MergeMaps {
   float per_path = 1;             // 1 / light_path_count
   std::uint32_t max_edges = ~0u;  // of the merged path
   // Photons in directions of a higher density are left to the eye's walk, which finds their paths alone.
-  // Those of a light that it cannot meet are merged.
+  // Photons of a light that it cannot meet are merged.
   float max_density = std::numeric_limits<float>::infinity();
   bool leaves(const Photon<Block>& photon, float pdf_solid_angle) const {
     return pdf_solid_angle > max_density && photon.lit_by_delta == 0;
@@ -163,7 +163,7 @@ class MediumMerge {
 };
 
 // All merges at one vertex of the eye after another, in steps between which photons come from memory:
-// announce() when the vertex is made, start() and collect() when there has been something else to
+// prefetch() when the vertex is made, start() and collect() when there has been something else to
 // do, finish() before the vertex goes. finish() does what is left of all.
 //
 // StatisticsT: what else is wanted of merges (statistics/none.h). kLetters: labels may be wanted.
@@ -182,12 +182,12 @@ class Gather {
     if constexpr (requires(Statistics s) { s.place(at); }) statistics_.place(at);
     if constexpr (Statistics::kCollects) statistics_.begin();
   }
-  // Of the path, up to the last vertex that is finished.
+  // Statistics of the path, up to the last vertex that is finished.
   const Statistics& statistics() const { return statistics_; }
 
   // Asks for what start() reads of the memory, for an eye's vertex that is connectible.
-  void announce(const ScatterPoint& v) const {
-    if (const PhotonMap<Block>* map = maps_.map_for(v)) map->announce(v.hit.p, radius_for(v));
+  void prefetch(const ScatterPoint& v) const {
+    if (const PhotonMap<Block>* map = maps_.map_for(v)) map->prefetch(v.hit.p, radius_for(v));
   }
   // v is connectible. The one before has to be finished.
   void start(const Vertex<Block>& v) {
@@ -226,7 +226,7 @@ class Gather {
 
  private:
   enum class Step : std::uint8_t { none, found, collected };
-  // Of the search.
+  // Radius of the search.
   float radius_for(const ScatterPoint& v) const {
     const float radius = v.on_surface() ? scale_->disc_radius : scale_->ball_radius;
     if constexpr (Statistics::kReaches) return std::max(radius, statistics_.reach(v.on_surface()));

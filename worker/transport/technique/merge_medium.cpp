@@ -32,12 +32,12 @@ Vec3d place(Vec3 origin, Vec3 direction, double s) {
   return Vec3d(origin) + Vec3d(direction) * s;
 }
 
-// Of light's copy of a vertex at s along the beam. A grid does not reach all places of its beams.
+// Hazard of light's copy of a vertex at s along the beam. A grid does not reach all places of its beams.
 double hazard_at(const scene::Medium& medium, const PhotonBeam& beam, double s) {
   return static_cast<double>(hazard_of(medium.sigma_t_inside(Vec3(place(beam.origin, beam.direction, s)))));
 }
 
-// Whether weights need the hazard of a photon beside that of the eye's vertex.
+// True if weights need the hazard of a photon beside that of the eye's vertex.
 bool hazards_differ(const MediumMerges& eta, const scene::Medium& medium) {
   return !medium.homogeneous() && (eta.beam_point > 0 || eta.beam_beam > 0);
 }
@@ -93,9 +93,9 @@ double MediumGather::weight_at(const Vertex<MisBlock>& v, double own, const Ligh
   return own / (merges + light.sum + BeamBalance::sum(v.mis, reverse, eta_));
 }
 
-void MediumGather::announce(const Vertex<MisBlock>& v) const {
+void MediumGather::prefetch(const Vertex<MisBlock>& v) const {
   if (wants_points(v))
-    maps_.points->announce(v.medium, v.hit.p, static_cast<float>(maps_.kernels[v.medium].radii.point_point));
+    maps_.points->prefetch(v.medium, v.hit.p, static_cast<float>(maps_.kernels[v.medium].radii.point_point));
 }
 
 void MediumGather::start(const Vertex<MisBlock>& v) {

@@ -74,10 +74,10 @@ class MediumGather {
 
   // A path is next. eta: the one that all other weights of the path take.
   void begin(const MergeFactors& eta) { eta_ = eta; }
-  // P-P3D at an eye's vertex that is connectible, in steps: announce() when the vertex is made, start() after
+  // P-P3D at an eye's vertex that is connectible, in steps: prefetch() when the vertex is made, start() after
   // other work, finish() before the vertex goes. Results are weighted, v.throughput included, and added to
   // the path's sum.
-  void announce(const Vertex<MisBlock>& v) const;
+  void prefetch(const Vertex<MisBlock>& v) const;
   void start(const Vertex<MisBlock>& v);
   Spectrum finish(Spectrum& path_sum);
   // B-P2D at such a vertex.

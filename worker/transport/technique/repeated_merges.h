@@ -1,4 +1,4 @@
-// How many merges repeat a light path: the F test takes the photons of a disc for independent samples, and
+// Counts merges that repeat a light path: the F test takes the photons of a disc for independent samples, and
 // two of one path are not [Lin 2023, section 5; a share of some percent makes the test alarm too often].
 // Counted at a sample of the eye paths, beside the merges, so that the gather pays nothing for it.
 #pragma once
@@ -13,7 +13,7 @@
 
 namespace candela::transport {
 
-// Whether the eye path of this key is of the sample: one of 128.
+// True if the eye path of this key is of the sample: one of 128.
 inline bool counts_repeats(std::uint64_t sample_key) {
   constexpr std::uint64_t kStream = 0x726570656174;  // "repeat"
   return rng::combine(sample_key, kStream) % 128 == 0;

@@ -17,8 +17,8 @@ struct SurfaceLane {
   SurfaceExtent extent;
   float strength = 0;
   bool cone = false;  // read the cone of normals
-  // Of a flat surface that the reference must be in front of: dot(reference - corner, normal) > 0. A normal
-  // of zero: no such test.
+  // The reference must be in front of a flat surface: dot(reference - corner, normal) > 0. A normal of zero:
+  // no such test.
   Vec3 corner, normal;
   bool ask = false;  // the emitter itself is to be asked whether it reaches the reference
 };

@@ -21,7 +21,7 @@ class ParallelProjection {
   ParallelProjection(Vec3d corner, Vec3d edge_u, Vec3d edge_v, double volume, Vec3d normal);
   // A_p. Zero: nothing is above the surface.
   double area() const { return area_; }
-  // Whether a point of the parallelogram with this height, normal . v, may be sampled.
+  // True if a point of the parallelogram with this height, normal . v, may be sampled.
   bool covers(double height) const { return height > 0 && height >= min_height_; }
   // Precondition: area() > 0. The point's coordinates along the edges, in [0, 1].
   TVec2<double> sample(double u, double v) const;

@@ -23,7 +23,7 @@ class SphericalRectangle {
   double x0_, x1_, y0_, y1_, z_, solid_angle_;
 };
 
-// Of [x0, x1] x [y0, y1] at z > 0. Zero if x0 = x1 or y0 = y1.
+// Solid angle of [x0, x1] x [y0, y1] at z > 0. Zero if x0 = x1 or y0 = y1.
 double solid_angle_of_rectangle(double x0, double x1, double y0, double y1, double z);
 
 }  // namespace candela::scene

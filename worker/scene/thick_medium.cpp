@@ -1,4 +1,4 @@
-#include "worker/scene/lasting_medium.h"
+#include "worker/scene/thick_medium.h"
 
 #include <algorithm>
 #include <array>
@@ -43,8 +43,8 @@ std::vector<Bounds> boxes(const Media& media, const Geometry& geometry) {
   return largest;
 }
 
-// Of one channel.
-LastingMedium lasting(double sigma_t, double albedo, double mean_cosine, const Bounds& box) {
+// For one channel.
+ThickMedium lasting(double sigma_t, double albedo, double mean_cosine, const Bounds& box) {
   if (box.empty()) return {albedo * albedo, std::numeric_limits<double>::infinity()};
   const double reduced = sigma_t * (1 - mean_cosine);
   double square = 0;
@@ -60,8 +60,8 @@ LastingMedium lasting(double sigma_t, double albedo, double mean_cosine, const B
 
 }  // namespace
 
-LastingMedium most_lasting_medium(const Media& media, const Geometry& geometry) {
-  LastingMedium most;
+ThickMedium thickest_medium(const Media& media, const Geometry& geometry) {
+  ThickMedium most;
   const std::vector<Bounds> box = boxes(media, geometry);
   for (std::uint32_t i = 0; i < media.size(); ++i) {
     const Spectrum sigma_t = media[i].max_sigma_t(), albedo = media[i].max_albedo();
@@ -69,7 +69,7 @@ LastingMedium most_lasting_medium(const Media& media, const Geometry& geometry) 
       const auto extinction = static_cast<double>(sigma_t.*channel),
                  scattered = static_cast<double>(albedo.*channel);
       if (!(extinction > 0) || !(scattered > 0)) continue;
-      const LastingMedium one =
+      const ThickMedium one =
           lasting(extinction, scattered, static_cast<double>(media[i].phase().mean_cosine()), box[i]);
       if (one.fraction > most.fraction) most = one;
     }
