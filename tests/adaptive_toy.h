@@ -112,7 +112,7 @@ inline ToyPlan cppm_plan(EpochPlan epochs, double alpha) {
 inline ToyPlan appm_plan(EpochPlan epochs, bool reference = false) {
   adaptive::put_levels({std::exp2(-1.0 / 16), 255, {}}, epochs.constants);
   epochs.constants["c6"] =
-      adaptive::constant_text(adaptive::plug_in_constant(0.25, 1 / 3.14159265358979323846, false));
+      adaptive::constant_text(adaptive::plug_in_constant(0.25, 1 / 3.14159265358979323846));
   epochs.constants["r_min"] = "0.001";
   epochs.constants["r_max"] = "4";
   ToyPlan plan{epochs, {adaptive::moments_spec(kToyFilmScale), adaptive::laplacian_spec(kToyFilmScale)}};
@@ -218,7 +218,7 @@ class AdaptiveToy {
     const double r = radii_[static_cast<std::size_t>(level(state, pixel))];
     const bool reference = plug_in && plan_.accumulators.size() == 3;
     const double h = reference ? kR1 * adaptive::pilot_of_level(level(state, pixels_ + pixel))
-                     : plug_in ? kR1 * adaptive::pilot_bandwidth(adaptive::Pilot::tenth, epoch_begin)
+                     : plug_in ? kR1 * adaptive::pilot_bandwidth(epoch_begin)
                                : 0;
     const double reach = std::max(r, 2 * h);
     const double bound = problem_.max_density(reach);

@@ -16,12 +16,12 @@ double sixth_power(double x) {
 
 }  // namespace
 
-double plug_in_constant(double k2, double k3, bool recursive) {
-  return 2 * kPi * k3 / (k2 * k2) / (recursive ? 3 : 1);
+double plug_in_constant(double k2, double k3) {
+  return 2 * kPi * k3 / (k2 * k2);
 }
 
-PlugInMedia plug_in_media(double disc_k2, double ball_k2, double ball_k3, bool recursive) {
-  return {4 * kPi * ball_k3 / (disc_k2 * disc_k2) / (recursive ? 2.8 : 1), ball_k2 / disc_k2};
+PlugInMedia plug_in_media(double disc_k2, double ball_k2, double ball_k3) {
+  return {4 * kPi * ball_k3 / (disc_k2 * disc_k2), ball_k2 / disc_k2};
 }
 
 int laplacian_stencil(double u, double v, double h) {
@@ -45,10 +45,9 @@ double fifth_root(double x) {
   }
 }
 
-double pilot_bandwidth(Pilot pilot, std::uint64_t begin) {
+double pilot_bandwidth(std::uint64_t begin) {
   const auto n = static_cast<double>(std::max<std::uint64_t>(begin, 1));
-  const double root = std::sqrt(n);
-  return 0.5 / (pilot == Pilot::tenth ? fifth_root(root) : std::sqrt(std::sqrt(root)));
+  return 0.5 / fifth_root(std::sqrt(n));
 }
 
 double reference_constant(double k2, double energy) {

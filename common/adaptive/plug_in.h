@@ -24,25 +24,21 @@
 
 namespace candela::adaptive {
 
-// c6 of a kernel on the unit disc with k2 = integral of y_u^2 k and k3 = integral of k^2. `recursive`: for
-// the mean over all radii so far, whose optimum is smaller (a third inside the root).
-double plug_in_constant(double k2, double k3, bool recursive);
+// c6 of a kernel on the unit disc with k2 = integral of y_u^2 k and k3 = integral of k^2.
+double plug_in_constant(double k2, double k3);
 
-// The plug-in radius of merges in media, from k2 of the disc and k2, k3 of the ball. `recursive`: the mean
-// over radii that fall as i^(-1/7) has 7/10 of the variance of the last radius and (7/5)^2 of its squared
-// bias, a factor of 2.8 inside the root.
+// The plug-in radius of merges in media, from k2 of the disc and k2, k3 of the ball.
 struct PlugInMedia {
   double c7 = 0, k2_ratio = 0;
 };
-PlugInMedia plug_in_media(double disc_k2, double ball_k2, double ball_k3, bool recursive);
+PlugInMedia plug_in_media(double disc_k2, double ball_k2, double ball_k3);
 
 // D_h(y) pi h^4 of the five-point stencil of constant kernels for y = (u, v): the number of the four shifted
 // discs that y is in, minus 4 if it is in the middle one. 0 for |y| > 2 h.
 int laplacian_stencil(double u, double v, double h);
 
-// h / r_1 in an epoch that begins at iteration `begin`: (1/2) N^(-1/10) or N^(-1/8), N = max(1, begin).
-enum class Pilot { tenth, eighth };
-double pilot_bandwidth(Pilot pilot, std::uint64_t begin);
+// h / r_1 in an epoch that begins at iteration `begin`: (1/2) N^(-1/10), N = max(1, begin).
+double pilot_bandwidth(std::uint64_t begin);
 // (x > 0) x^(1/5), by Newton's method.
 double fifth_root(double x);
 

@@ -286,7 +286,7 @@ TEST(Counts, BatchesGrow) {
 TEST(PlugIn, IsTheNearestLevel) {
   test::Draws draws(6);
   const Levels levels{std::exp2(-1.0 / 16), 255, {}};
-  const double c6 = plug_in_constant(0.25, 1 / 3.14159265358979323846, false);
+  const double c6 = plug_in_constant(0.25, 1 / 3.14159265358979323846);
   EXPECT_NEAR(c6, 32, 1e-12);
   const PlugIn rule(levels, c6, 0.001, 4);
   int at_zero = 0, at_bound = 0;
@@ -316,7 +316,7 @@ TEST(PlugIn, IsTheNearestLevel) {
 TEST(PlugIn, HasTheNotesRadius) {
   const Levels levels{std::exp2(-1.0 / 16), 255, {}};
   const double kPi = 3.14159265358979323846, r1 = 0.5;
-  const PlugIn rule(levels, plug_in_constant(0.25, 1 / kPi, false), 1e-6, 1e6);
+  const PlugIn rule(levels, plug_in_constant(0.25, 1 / kPi), 1e-6, 1e6);
   const struct { double n, radius; } rows[] = {{1e3, 0.074649878}, {1e5, 0.034649404}, {1e7, 0.016082829}};
   for (const auto& row : rows) {
     const double m2 = std::exp(1.0) / 2500;
@@ -325,8 +325,6 @@ TEST(PlugIn, HasTheNotesRadius) {
         rule.level(row.n * m2 / (kPi * r1 * r1), row.n * 8 * r1 * r1, static_cast<std::uint64_t>(row.n), 0);
     EXPECT_NEAR(r1 * std::exp2(-level / 16.0) / row.radius, 1, 0.022) << row.n;  // half a level
   }
-  // [section 3] for the recursive mean the radius is 3^(1/6) smaller.
-  EXPECT_NEAR(plug_in_constant(0.25, 1 / kPi, true), 32.0 / 3, 1e-12);
 }
 
 // Claim: where photons merge on surfaces and in media the level is the nearest to the radius of least error
@@ -335,38 +333,34 @@ TEST(PlugIn, AddsSurfacesAndMedia) {
   constexpr double kPi = 3.14159265358979323846;
   const double disc_k2 = 0.25, ball_k2 = 0.2, disc_k3 = 1 / kPi, ball_k3 = 0.75 / kPi;
   const Levels levels{std::exp2(-1.0 / 16), 255, {}};
-  for (const bool recursive : {false, true}) {
-    const double c6 = plug_in_constant(disc_k2, disc_k3, recursive);
-    const PlugInMedia media = plug_in_media(disc_k2, ball_k2, ball_k3, recursive);
-    const PlugIn plug_in(levels, c6, 1e-3, 1e3, media);
-    test::Draws draws(7);
-    for (int trial = 0; trial < 1000; ++trial) {
-      const auto random = [&](double low, double high) {
-        return std::exp2(low + (high - low) * draws.uniform());
-      };
-      const double a = trial % 3 == 0 ? 0 : random(-20, 0), m = trial % 3 == 1 ? 0 : random(-20, 0);
-      const double d = random(-2, 4), e = random(-2, 4) * (trial % 2 == 0 ? 1 : -0.3);
-      // Variances of the mean over i^(-1/(d+4)) radii: 3/4 and 7/10 of those of one radius; squared biases
-      // 9/4 and 49/25. All radii fall alike, so with both kinds the factors of each kind are its own.
-      const double bias = (disc_k2 * d * (a > 0 ? 1 : 0) + ball_k2 * e * (m > 0 ? 1 : 0)) / 2;
-      const auto error = [&](double x) {
-        const double surface = disc_k3 * kPi * a / (x * x) / (recursive ? 3 : 1);
-        const double medium = ball_k3 * 4 / 3 * kPi * m / (x * x * x) / (recursive ? 2.8 : 1);
-        return surface + medium + bias * bias * x * x * x * x;
-      };
-      double best = 1, least = error(1);
-      for (int k = 1; k < 4096; ++k) {
-        const double x = std::exp2(-k / 256.0);
-        if (error(x) >= least) continue;
-        least = error(x);
-        best = x;
-      }
-      const int level = plug_in.level(a, a > 0 ? d : 0, m, m > 0 ? e : 0, 64, 0);
-      EXPECT_NEAR(level, -16 * std::log2(best), 0.5 + 0.1) << trial << ' ' << a << ' ' << m;
+  const double c6 = plug_in_constant(disc_k2, disc_k3);
+  const PlugInMedia media = plug_in_media(disc_k2, ball_k2, ball_k3);
+  const PlugIn plug_in(levels, c6, 1e-3, 1e3, media);
+  test::Draws draws(7);
+  for (int trial = 0; trial < 2000; ++trial) {
+    const auto random = [&](double low, double high) {
+      return std::exp2(low + (high - low) * draws.uniform());
+    };
+    const double a = trial % 3 == 0 ? 0 : random(-20, 0), m = trial % 3 == 1 ? 0 : random(-20, 0);
+    const double d = random(-2, 4), e = random(-2, 4) * (trial % 2 == 0 ? 1 : -0.3);
+    const double bias = (disc_k2 * d * (a > 0 ? 1 : 0) + ball_k2 * e * (m > 0 ? 1 : 0)) / 2;
+    const auto error = [&](double x) {
+      const double surface = disc_k3 * kPi * a / (x * x);
+      const double medium = ball_k3 * 4 / 3 * kPi * m / (x * x * x);
+      return surface + medium + bias * bias * x * x * x * x;
+    };
+    double best = 1, least = error(1);
+    for (int k = 1; k < 4096; ++k) {
+      const double x = std::exp2(-k / 256.0);
+      if (error(x) >= least) continue;
+      least = error(x);
+      best = x;
     }
+    const int level = plug_in.level(a, a > 0 ? d : 0, m, m > 0 ? e : 0, 64, 0);
+    EXPECT_NEAR(level, -16 * std::log2(best), 0.5 + 0.1) << trial << ' ' << a << ' ' << m;
   }
   // Bounds fall as N^(-1/7) where there are no surfaces.
-  const PlugIn bounded(levels, 32, 0.25, 4, plug_in_media(disc_k2, ball_k2, ball_k3, false));
+  const PlugIn bounded(levels, 32, 0.25, 4, plug_in_media(disc_k2, ball_k2, ball_k3));
   EXPECT_EQ(bounded.level(0, 0, 1, 1e9, 1 << 14, 0), 16 * (2 + 2));
   EXPECT_EQ(bounded.level(0, 0, 1, 0, 1 << 28, 0), 16 * 2);
   EXPECT_EQ(bounded.level(1e-30, 0, 1, 1e9, 1 << 12, 0), 16 * (2 + 2));
@@ -380,7 +374,7 @@ TEST(PlugIn, HasTheRadiusOfMedia) {
   // Irradiance 1 + 2 y^2 + y^4 (|y| = r), 25 photons per volume and iteration, E[phi^2] = e E[phi]^2. Over a
   // ball of radius r: mean 1 + 6/5 r^2 + 3/7 r^4, variance e (...) / (25 V N); Laplacian at 0: 12.
   const double ball_k3 = 0.75 / 3.14159265358979323846;
-  const PlugInMedia media = plug_in_media(0.25, 0.2, ball_k3, false);
+  const PlugInMedia media = plug_in_media(0.25, 0.2, ball_k3);
   const Levels levels{std::exp2(-1.0 / 16), 255, {}};
   const PlugIn plug_in(levels, 32, 1e-6, 1e6, media);
   for (const double n : {1e4, 1e6, 1e8}) {
@@ -450,14 +444,13 @@ TEST(PlugIn, StencilsOfKernelsHaveTheirEnergies) {
   }
 }
 
-// Claim: the pilot's bandwidth is N^(-1/10)/2 or N^(-1/8)/2 of the first radius, without pow.
+// Claim: the pilot's bandwidth is N^(-1/10)/2 of the first radius, without pow.
 TEST(PlugIn, HasAPilot) {
-  EXPECT_EQ(pilot_bandwidth(Pilot::tenth, 0), 0.5);
-  EXPECT_EQ(pilot_bandwidth(Pilot::eighth, 1), 0.5);
+  EXPECT_EQ(pilot_bandwidth(0), 0.5);
+  EXPECT_EQ(pilot_bandwidth(1), 0.5);
   for (const std::uint64_t n : {2ULL, 3ULL, 31ULL, 32ULL, 1024ULL, 1000000ULL, 1ULL << 40}) {
     const auto x = static_cast<double>(n);
-    EXPECT_NEAR(pilot_bandwidth(Pilot::tenth, n) / (0.5 * std::pow(x, -0.1)), 1, 1e-14) << n;
-    EXPECT_NEAR(pilot_bandwidth(Pilot::eighth, n) / (0.5 * std::pow(x, -0.125)), 1, 1e-14) << n;
+    EXPECT_NEAR(pilot_bandwidth(n) / (0.5 * std::pow(x, -0.1)), 1, 1e-14) << n;
     EXPECT_NEAR(fifth_root(x) / std::pow(x, 0.2), 1, 1e-14) << n;
     EXPECT_NEAR(fifth_root(1 / x) * std::pow(x, 0.2), 1, 1e-14) << n;
   }

@@ -21,6 +21,27 @@ TEST(IntegratorTable, HasEveryIntegrator) {
   EXPECT_THAT(test::all_integrators(), testing::UnorderedElementsAreArray(render::integrator_names()));
 }
 
+// Claim: a setting that is gone is passed over with the value that stands for what is done now, and refused
+// with another one; nothing documents it.
+TEST(IntegratorTable, RetiredSettingsKeepTheirLastValue) {
+  struct Case {
+    const char *integrator, *name, *kept, *refused;
+  };
+  for (const Case& c : {Case{"mmlt", "regularise_schedule", "power", "geometric"},
+                        Case{"pssmlt", "regularise_schedule", "power", "geometric"},
+                        Case{"appm", "recursive_correction", "false", "true"}}) {
+    SCOPED_TRACE(c.integrator);
+    const auto kept = render::complete_integrator_settings(c.integrator, {}, {{c.name, c.kept}});
+    ASSERT_TRUE(kept.ok()) << kept.error().to_string();
+    EXPECT_FALSE(kept->contains(c.name));
+    const auto refused = render::complete_integrator_settings(c.integrator, {}, {{c.name, c.refused}});
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().field, c.name);
+    for (const render::SettingDoc& setting : *render::integrator_settings(c.integrator))
+      EXPECT_NE(setting.name, c.name);
+  }
+}
+
 // Claim: a row says of chains and of merging what the integrator's settings say.
 TEST(IntegratorTable, RowsSayWhatTheIntegratorsDo) {
   for (const test::IntegratorRow& row : test::integrators()) {

@@ -5,12 +5,15 @@
 #include <cmath>
 
 #include "common/rng/stream.h"
-#include "worker/integrators/upbp/choice.h"
+#include "worker/integrators/pilot/trials.h"
 #include "worker/integrators/upbp/hits.h"
+#include "worker/integrators/upbp/work_counts.h"
 #include "worker/transport/radius.h"
 
 namespace candela::integrators::upbp {
 namespace {
+
+using namespace pilot;
 
 constexpr std::size_t kValues = 3072;
 

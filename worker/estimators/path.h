@@ -39,6 +39,7 @@
 #include "worker/transport/draws.h"
 #include "worker/transport/letters/layer_sums.h"
 #include "worker/transport/roulette.h"
+#include "worker/transport/scattering.h"
 #include "worker/transport/technique/contribution.h"
 #include "worker/transport/technique/mollify.h"
 
@@ -101,6 +102,7 @@ class PathTracer {
                         kMedia = kBetween == transport::Between::media;
   static constexpr bool kFirst = FirstT::kActive;
   static constexpr bool kGroups = std::is_same_v<SceneT, scene::Scene>;
+  static constexpr scene::TransportMode kMode = scene::TransportMode::radiance;
   static constexpr scene::LightTechnique kChoice = scene::LightTechnique::adapted;
   enum class Flight : std::uint8_t { absorbed, scattered, arrived };
 
@@ -155,17 +157,14 @@ class PathTracer {
   }
 
   bool scatter_in_medium(const scene::SurfaceHit& here) {
-    const scene::Phase& phase = scene_.medium(medium_).phase();
-    const Vec3 wo = -ray_.direction;
+    const transport::MediumScattering at(scene_.medium(medium_).phase(), -ray_.direction);
     front_ = {};
     ++scatterings_;
     if constexpr (kEdits) edits_->medium(medium_, here.p);
     const auto eval_pdf = [&](Vec3 wi, float& pdf_solid_angle) {
-      pdf_solid_angle = phase.pdf_solid_angle(wo, wi);
-      if constexpr (kEdits)
-        return edits_->medium_share() * phase.eval(wo, wi);
-      else
-        return Spectrum(phase.eval(wo, wi));
+      Spectrum value = at.value(wi, kMode, pdf_solid_angle);
+      if constexpr (kEdits) value *= edits_->medium_share();
+      return value;
     };
     const auto token = [&](Vec3 /*wi*/, std::uint64_t /*key*/) {
       return letters_->letters().in_medium(medium_, here.p);
@@ -177,7 +176,7 @@ class PathTracer {
     }
     if (!first && next_event_ && depth_ + 1 >= options_.min_edges)
       sample_light(here, front_, eval_pdf, token);
-    previous_pdf_solid_angle_ = phase.sample(wo, draw_2d(transport::path_block::kDirection), ray_.direction);
+    previous_pdf_solid_angle_ = at.sample(draw_2d(transport::path_block::kDirection), ray_.direction);
     previous_delta_ = false;
     if constexpr (kEdits) edits_->leave_medium();
     if (!first && !survives(true)) return false;
@@ -195,15 +194,15 @@ class PathTracer {
     arena_.clear();
     const scene::Closure closure = closure_at(hit, wo);
     if (closure.black) return false;
-    const Vec3 side = closure.scatters_through() ? Vec3{} : wo.z < 0 ? -hit.shading.n : hit.shading.n;
+    const transport::SurfaceScattering at(hit, closure, -ray_.direction, wo);
+    const Vec3 side = at.front();
     const bool connectible = !closure.purely_delta();
     scatterings_ += connectible ? 1 : 0;
     const auto eval_pdf = [&](Vec3 wi, float& pdf_solid_angle) {
-      return closure.eval_pdf(wo, hit.shading.to_local(wi), scene::TransportMode::radiance, pdf_solid_angle);
+      return at.value(wi, kMode, pdf_solid_angle);
     };
     const auto token = [&](Vec3 wi, std::uint64_t key) {
-      return letters_->letters().by_lobes(hit, closure, -ray_.direction, wi, scene::TransportMode::radiance,
-                                          key);
+      return letters_->letters().by_lobes(hit, closure, -ray_.direction, wi, kMode, key);
     };
     bool first = false;
     if constexpr (kFirst) {
@@ -213,13 +212,11 @@ class PathTracer {
     if (!first && next_event_ && connectible && depth_ + 1 >= options_.min_edges)
       sample_light(hit, side, eval_pdf, token);
     if constexpr (kMollifies) {
-      if (closure.has_delta_lobes() && depth_ + 1 >= options_.min_edges) mollified_light(hit, wo, closure);
+      if (closure.has_delta_lobes() && depth_ + 1 >= options_.min_edges) mollified_light(hit, at);
     }
     scene::BsdfSample next;
-    const float u_lobe = closure.chooses_lobe() ? draw_1d(transport::path_block::kLobe) : 0.0f;
-    if (!closure.sample(wo, u_lobe, draw_2d(transport::path_block::kDirection),
-                        scene::TransportMode::radiance, next))
-      return false;
+    const float u_lobe = at.chooses_lobe() ? draw_1d(transport::path_block::kLobe) : 0.0f;
+    if (!at.sample(u_lobe, draw_2d(transport::path_block::kDirection), kMode, next)) return false;
     throughput_ *= next.weight;
     if (throughput_.is_black()) return false;
     if constexpr (kPasses) {
@@ -232,7 +229,7 @@ class PathTracer {
     front_ = side;
     previous_delta_ = next.delta;
     previous_pdf_solid_angle_ = next.pdf_solid_angle;
-    const Vec3 wi = hit.shading.to_world(next.wi);
+    const Vec3 wi = at.direction(next);
     if constexpr (kLetters)
       letters_->step(next.delta ? letters_->letters().by_delta(hit, -ray_.direction, wi)
                                 : token(wi, letters_->next_key()));
@@ -307,14 +304,11 @@ class PathTracer {
   }
   // Next event estimation of the delta lobes at `here`, mollified: a path whose last vertex before a light
   // that no ray meets is specular is found in no other way.
-  void mollified_light(const scene::SurfaceHit& here, Vec3 wo, const scene::Closure& closure) {
+  void mollified_light(const scene::SurfaceHit& here, const transport::SurfaceScattering& at) {
     using namespace transport;
-    const float u_lobe = closure.chooses_lobe() ? draw_1d(path_block::kLobe) : 0.0f;
-    scene::TurningLobes lobes = scene::turning_lobes(closure, wo, u_lobe, draw_2d(path_block::kDirection),
-                                                     scene::TransportMode::radiance);
+    const float u_lobe = at.chooses_lobe() ? draw_1d(path_block::kLobe) : 0.0f;
+    const scene::TurningLobes lobes = at.delta_lobes(u_lobe, draw_2d(path_block::kDirection), kMode);
     if (lobes.count == 0) return;
-    for (std::uint32_t i = 0; i < lobes.count; ++i)
-      lobes.lobes[i].wi = here.shading.to_world(lobes.lobes[i].wi);
     scene::DirectSample light;
     const float u_emitter = chooses_emitter_ ? draw_1d(path_block::kEmitterChoice) : 0.0f;
     if (scene_.sample_direct(here, {}, u_emitter, draw_2d(path_block::kEmitterPoint), light) !=

@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "worker/integrators/pilot.h"
+#include "worker/integrators/pilot/eye_walk.h"
 #include "worker/integrators/planned.h"
 
 namespace candela::integrators {

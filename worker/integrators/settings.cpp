@@ -124,10 +124,23 @@ void SettingsReader::absent(std::string_view name, std::string_view why, std::st
   }
 }
 
+void SettingsReader::retired(std::string_view name, std::string_view value, std::string_view why) {
+  const auto found = map_.find(std::string(name));
+  if (found == map_.end()) return;
+  retired_.push_back(name);
+  if (!ok_ || found->second == value) return;
+  error_ = usage_error(in_quotes(found->second) + " is no longer there: " + std::string(why))
+               .with_field(std::string(name))
+               .with_mend("leave it out");
+  ok_ = false;
+}
+
 Result<void> SettingsReader::finish() const {
   if (!ok_) return Error(error_);
   for (const auto& [key, value] : map_) {
-    if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
+    if (std::find(known_.begin(), known_.end(), key) != known_.end() ||
+        std::find(retired_.begin(), retired_.end(), key) != retired_.end())
+      continue;
     const std::vector<std::string_view> known(known_.begin(), known_.end());
     const std::string near(description::nearest_name(key, known));
     return usage_error("unknown integrator setting")

@@ -50,6 +50,9 @@ class SettingsReader {
   void operator()(std::string_view name, NameList& field, std::string_view doc);
   // A setting that others have and this integrator does not: an error if it is given.
   void absent(std::string_view name, std::string_view why, std::string_view mend);
+  // A setting that is gone: jobs of earlier versions may give it, with the value that stands for what is done
+  // now; another one is an error.
+  void retired(std::string_view name, std::string_view value, std::string_view why);
   // After all fields: an error for a bad value, or for a key that no field took.
   Result<void> finish() const;
 
@@ -59,6 +62,7 @@ class SettingsReader {
 
   const SettingsMap& map_;
   std::vector<std::string> known_;
+  std::vector<std::string_view> retired_;  // of those given
   bool ok_ = true;
   Error error_;
 };
@@ -73,6 +77,7 @@ class SettingsWriter {
   void operator()(std::string_view name, Choice& field, std::string_view doc);
   void operator()(std::string_view name, NameList& field, std::string_view doc);
   void absent(std::string_view /*name*/, std::string_view /*why*/, std::string_view /*mend*/) {}
+  void retired(std::string_view /*name*/, std::string_view /*value*/, std::string_view /*why*/) {}
   SettingsMap map;
   std::vector<SettingDoc> docs;
 

@@ -5,17 +5,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 
 #include "common/base/log.h"
 #include "common/base/work_monitor.h"
-#include "worker/scene/emitters/daylight.h"
-#include "worker/scene/sensors/field_of_view.h"
+#include "worker/scene/emitters/emitter_build.h"
 #include "worker/scene/shapes/heightfield.h"
 #include "worker/scene/shapes/mesh_parts.h"
-#include "worker/scene/textures/bitmap.h"
 #include "worker/scene/transform.h"
 
 namespace candela::scene {
@@ -25,25 +23,6 @@ constexpr std::uint64_t kMostPrimitives = 0xfffffff0u;  // Embree's ids are 32-b
 
 Error error_at(const description::Object& object, std::string message) {
   return input_error(std::move(message)).at(object.where.file, object.where.line);
-}
-
-Spectrum to_spectrum(const description::Rgb& rgb) {
-  return {static_cast<float>(rgb.value[0]), static_cast<float>(rgb.value[1]),
-          static_cast<float>(rgb.value[2])};
-}
-
-// The frame of a light that to_world turns and places.
-Result<Frame> frame_of(const description::Object& object, const Transform& to_world) {
-  const Vec3d x = to_world.column(0), y = to_world.column(1), z = to_world.column(2);
-  if (!to_world.is_similarity() || !(length(z) > 0)) {
-    return error_at(object,
-                    "the to_world of a " + object.plugin + " light must not shear, stretch or flatten")
-        .with_field("to_world");
-  }
-  // Gram-Schmidt: what is left of the rounding in the file.
-  const Vec3d n = normalize(z), s = normalize(x - n * dot(n, x));
-  const Vec3d t = normalize(y - n * dot(n, y) - s * dot(s, y));
-  return Frame{Vec3(s), Vec3(t), Vec3(n)};
 }
 
 constexpr std::uint64_t kLightBytes = sizeof(Emitter) + 256;  // with its bounds, and nodes of the light tree
@@ -62,11 +41,6 @@ std::uint64_t memory_of(const Shape& shape) {
 // A mesh of which no face has an area.
 bool is_empty(const Shape& shape) {
   return shape.triangles.empty() && !shape.sphere && !shape.disk && !shape.cylinder;
-}
-
-bool is_radiometric(Spectrum s) {
-  return std::min(s.r, std::min(s.g, s.b)) >= 0 && std::isfinite(s.r) && std::isfinite(s.g) &&
-         std::isfinite(s.b);
 }
 
 }  // namespace
@@ -370,7 +344,7 @@ Result<ColorTexture> SceneBuilder::radiance_of(const AreaEmitter& area) {
       make_area_light(geometry_, area.shape, area.rectangle ? &*area.rectangle : nullptr, radiance);
   const SceneExtent extent;
   const double power = static_cast<double>(
-      luminance(std::visit([&](const auto& emitter) { return emitter.power(extent); }, light)));
+      luminance(visit_emitter(light, [&](const auto& emitter) { return emitter.power(extent); })));
   const auto factor = static_cast<float>(object->get_number("power", 0) / power);
   if (!std::isfinite(factor))
     return error_at(*object, "a black light cannot be scaled to a power").with_field("power");
@@ -421,152 +395,28 @@ Result<void> SceneBuilder::finish_geometry() {
   return {};
 }
 
-Result<Spectrum> SceneBuilder::quantity(const description::Object& object, std::string_view name) const {
-  const auto rgb = object.get_rgb(name);
-  const Spectrum value = rgb ? to_spectrum(*rgb) : Spectrum(1.0f);
-  if (!is_radiometric(value)) {
-    return error_at(object, std::string(name) + " must be finite and not negative")
-        .with_field(std::string(name));
-  }
-  return value;
-}
-
-Result<SpotLight> SceneBuilder::spot(const description::Object& object, const Transform& to_world) {
-  CANDELA_ASSIGN(const Spectrum intensity, quantity(object, "intensity"));
-  CANDELA_ASSIGN(const ColorTexture texture, textures_.color(object, "texture", Spectrum(1.0f)));
-  const double cutoff = object.get_number("cutoff_angle", 20);
-  const double beam = object.get_number("beam_width", cutoff * 3 / 4);
-  if (!(cutoff > 0 && cutoff <= 180)) {
-    return error_at(object, "cutoff_angle is above 0 and at most 180 degrees").with_field("cutoff_angle");
-  }
-  if (!(beam >= 0 && beam <= cutoff)) {
-    return error_at(object, "beam_width is not within 0 and cutoff_angle").with_field("beam_width");
-  }
-  if (!texture.is_constant() && cutoff > 89.9) {
-    return error_at(object, "a texture cannot be projected into a cone of cutoff_angle 90 degrees or more")
-        .with_field("cutoff_angle");
-  }
-  CANDELA_ASSIGN(const Frame frame, frame_of(object, to_world));
-  constexpr double kRadians = std::numbers::pi / 180;
-  return SpotLight(Vec3(to_world.translation()), frame, intensity, cutoff * kRadians, beam * kRadians,
-                   texture);
-}
-
-Result<ProjectorLight> SceneBuilder::projector(const description::Object& object, const Transform& to_world) {
-  CANDELA_ASSIGN(const ColorTexture picture, textures_.color(object, "irradiance", Spectrum(1.0f)));
-  if (picture.is_constant() && !is_radiometric(picture.constant))
-    return error_at(object, "irradiance must be finite and not negative").with_field("irradiance");
-  const double aspect = aspect_of(picture.texture), scale = object.get_number("scale", 1);
-  CANDELA_ASSIGN(const double half_width, half_width_at_unit_depth(object, aspect));
-  CANDELA_ASSIGN(const Frame frame, frame_of(object, to_world));
-  using Quantity = ProjectorLight::Quantity;
-  const Quantity quantity =
-      object.get_string("quantity", "irradiance") == "intensity" ? Quantity::intensity : Quantity::irradiance;
-  const auto light = [&](double factor) {
-    return ProjectorLight(Vec3(to_world.translation()), frame, picture, quantity, factor, half_width,
-                          half_width / aspect);
-  };
-  if (object.find("power") == nullptr) return light(scale);
-  constexpr int kSteps = 1024;  // many pictures have no more pixels
-  const double factor =
-      object.get_number("power", 0) / static_cast<double>(luminance(light(1).power_by(kSteps)));
-  if (!std::isfinite(static_cast<float>(factor)))
-    return error_at(object, "a black light cannot be scaled to a power").with_field("power");
-  return light(factor);
-}
-
-Result<std::optional<GoniometricLight>> SceneBuilder::goniometric(const description::Object& object,
-                                                                  const Transform& to_world) {
-  CANDELA_ASSIGN(Spectrum intensity, quantity(object, "intensity"));
-  const description::Property* named = object.find("filename");
-  const description::Location where = named != nullptr ? named->where : object.where;
-  CANDELA_ASSIGN(const auto image, textures_.image(object.get_string("filename", ""), {}, where));
-  if (image->width != image->height || image->width > DirectionPicture::kMaxSide)
-    return error_at(object, "the picture of a goniometric light is square, of at most " +
-                                std::to_string(DirectionPicture::kMaxSide) + " pixels a side")
-        .with_field("filename");
-  if (!is_radiometric(image->minimum) || !is_radiometric(image->maximum))
-    return error_at(object, "the picture of a goniometric light must be finite and not negative")
-        .with_field("filename");
-  auto picture = std::make_shared<const DirectionPicture>(*image);
-  if (object.find("power") != nullptr) {
-    const double power = static_cast<double>(luminance(intensity)) * 4 * std::numbers::pi * picture->mean();
-    const auto factor = static_cast<float>(object.get_number("power", 0) / power);
-    if (!std::isfinite(factor))
-      return error_at(object, "a black light cannot be scaled to a power").with_field("power");
-    intensity = intensity * factor;
-  }
-  CANDELA_ASSIGN(const Frame frame, frame_of(object, to_world));
-  if (intensity.is_black() || !(picture->mean() > 0)) return std::optional<GoniometricLight>();
-  // +y of the light is the picture's +z.
-  const Frame turned{frame.s, frame.n, frame.t};
-  return std::optional(GoniometricLight(Vec3(to_world.translation()), turned, intensity, std::move(picture)));
-}
-
-void SceneBuilder::add_place_light(Emitter light, float peak) {
-  lights_.add(std::move(light));
-  features_.any_delta_emitter = true;
-  const double r = std::max(geometry_.bounds.radius(), 1e-12);
-  features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, peak / static_cast<float>(r * r));
-}
-
 Result<void> SceneBuilder::emitter(const description::Object& object) {
   if (object.plugin != "area" && texture_use_of_part(object).place)
     return error_at(
         object,
         fmt::format("a mesh_attribute, wireframe or volume texture needs a surface; a '{}' light has none",
                     object.plugin));
-  if (object.plugin != "area") CANDELA_TRY(count(object, kLightBytes, "lights"));
-  const Transform to_world(object.get_transform("to_world"));
   if (object.plugin == "area") return {};  // glows in the shapes that refer to it, as in Mitsuba 3
-  if (object.plugin == "point") {
-    if (object.find("position") != nullptr && object.find("to_world") != nullptr) {
-      return error_at(object, "give either position or to_world, not both").with_field("position");
+  CANDELA_TRY(count(object, kLightBytes, "lights"));
+  CANDELA_ASSIGN(std::optional<Emitter> light, build_emitter(object, textures_));
+  if (!light) return {};
+  visit_emitter(*light, [&](const auto& e) {
+    if constexpr (requires { e.max_radiance(0.0); }) {
+      features_.any_delta_emitter |= e.kDelta;
+      features_.max_emitted_radiance =
+          std::max(features_.max_emitted_radiance, e.max_radiance(geometry_.bounds.radius()));
     }
-    const description::Vec3 p = object.get_vec3("position", {0, 0, 0});
-    const Vec3d world = object.find("position") != nullptr ? Vec3d{p[0], p[1], p[2]} : to_world.translation();
-    CANDELA_ASSIGN(const Spectrum intensity, quantity(object, "intensity"));
-    if (intensity.is_black()) return {};
-    add_place_light(PointLight(Vec3(world), intensity), luminance(intensity));
-  } else if (object.plugin == "spot") {
-    CANDELA_ASSIGN(const SpotLight light, spot(object, to_world));
-    const float peak = luminance(light.peak());
-    if (!(peak > 0)) return {};
-    add_place_light(light, peak);
-  } else if (object.plugin == "projector") {
-    CANDELA_ASSIGN(const ProjectorLight light, projector(object, to_world));
-    const float peak = luminance(light.peak());
-    if (!(peak > 0)) return {};
-    add_place_light(light, peak);
-  } else if (object.plugin == "goniometric") {
-    CANDELA_ASSIGN(const std::optional<GoniometricLight> light, goniometric(object, to_world));
-    if (!light) return {};
-    add_place_light(*light, luminance(light->peak()));
-  } else if (object.plugin == "directional") {
-    if (object.find("direction") != nullptr && object.find("to_world") != nullptr) {
-      return error_at(object, "give either direction or to_world, not both").with_field("direction");
+    if constexpr (std::is_same_v<decltype(e), const Environment&>) {
+      features_.any_environment = true;
+      features_.environment_variation = std::max(features_.environment_variation, e.variation());
     }
-    const description::Vec3 d = object.get_vec3("direction", {0, 0, 1});
-    const Vec3d world =
-        object.find("direction") != nullptr ? Vec3d{d[0], d[1], d[2]} : to_world.vector({0, 0, 1});
-    const double l = length(world);
-    if (!(l > 0) || !std::isfinite(l))
-      return error_at(object, "direction has no length").with_field("direction");
-    CANDELA_ASSIGN(const Spectrum irradiance, quantity(object, "irradiance"));
-    if (irradiance.is_black()) return {};
-    lights_.add(DirectionalLight(Vec3(world / l), irradiance));
-    features_.any_delta_emitter = true;
-    features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, luminance(irradiance));
-  } else if (object.plugin == "constant" || object.plugin == "envmap" || is_daylight(object)) {
-    CANDELA_ASSIGN(Environment environment, Environment::build(object, textures_));
-    if (environment.black()) return {};
-    features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, environment.max_luminance());
-    features_.environment_variation = std::max(features_.environment_variation, environment.variation());
-    lights_.add(std::move(environment));
-    features_.any_environment = true;
-  } else {
-    return error_at(object, "emitter '" + object.plugin + "' is not supported yet");
-  }
+  });
+  lights_.add(*std::move(light));
   name_lamp(object);
   ++features_.emitter_kinds[object.plugin];
   if (const auto media = object.children_of("medium"); !media.empty()) {

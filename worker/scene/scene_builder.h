@@ -135,16 +135,8 @@ class SceneBuilder {
   // `given`: null where the shape has none.
   Result<std::uint32_t> bsdf_of(const description::Object& shape, bool emits,
                                 const description::ObjectPtr& given);
-  Result<Spectrum> quantity(const description::Object& object, std::string_view name) const;
-  Result<SpotLight> spot(const description::Object& object, const Transform& to_world);
-  Result<ProjectorLight> projector(const description::Object& object, const Transform& to_world);
-  // Nothing if the light is black.
-  Result<std::optional<GoniometricLight>> goniometric(const description::Object& object,
-                                                      const Transform& to_world);
   // Scaled to its `power`, if it has one.
   Result<ColorTexture> radiance_of(const AreaEmitter& area);
-  // A light at a point that is not black, whose intensity (W / sr) has this largest luminance.
-  void add_place_light(Emitter light, float peak);
   void count_bsdf(const Bsdf& bsdf);
   // The index of the object that is met in this way and has these names.
   std::uint32_t object_named(letters::ObjectUse use, std::vector<std::string> names);

@@ -11,24 +11,12 @@
 #include "worker/scene/hit.h"
 #include "worker/scene/scene.h"
 #include "worker/transport/mis/balance_power.h"
+#include "worker/transport/scattering.h"
 
 namespace candela::transport {
 
-using scene::SurfaceHit;
-using scene::TransportMode;
-
 // Cosines below it count as it: no density may vanish where a ray did arrive.
 inline constexpr float kMinCosine = 1e-9f;
-
-// Factor that turns Closure's value, which knows the shading frame alone, into the adjoint bsdf of walks
-// from the light if shading and geometric normals differ. wo: towards the light.
-// [Veach 1997, Eq. 5.19]
-[[gnu::always_inline]] inline float shading_correction(const SurfaceHit& hit, Vec3 wo, Vec3 wi) {
-  if (hit.ng == hit.shading.n) return 1;
-  const float above = std::abs(dot(wo, hit.shading.n) * dot(wi, hit.ng));
-  const float below = std::abs(dot(wo, hit.ng) * dot(wi, hit.shading.n));
-  return below > 0 ? above / below : 0.0f;
-}
 
 // The hazard of a place in a medium, as weights count it: the mean of sigma_t over channels. Where a grid's
 // value vanishes by interpolation nothing scatters; rounding may say otherwise, and beams get there.
@@ -83,29 +71,22 @@ struct Vertex : ScatterPoint, Block::Densities {
 };
 static_assert(sizeof(Vertex<NoBlock>) == sizeof(ScatterPoint));
 
-// Always inlined: GCC's limit on the growth of a unit otherwise stops inlining anywhere, at a cost of 1 % of
-// the instructions of bdpt and pssmlt.
-
-// The scattering value, times the cosine at wi (world directions, away from the vertex), of a walk that
-// arrived against wo, and its density per solid angle of going on along wi. radiance: a walk from the eye;
-// importance: from the light. Zero for delta lobes.
+// The scattering value of a walk that arrived against wo, along wi, and its density per solid angle of going
+// on along wi: scattering.h's, whatever the vertex is.
 [[gnu::always_inline]] inline Spectrum scatter_value(const scene::Scene& scene, const ScatterPoint& v,
                                                      Vec3 wo, Vec3 wi, TransportMode mode,
                                                      float& pdf_solid_angle) {
-  if (v.kind == VertexKind::medium) {
-    pdf_solid_angle = scene.medium(v.medium).phase().pdf_solid_angle(wo, wi);
-    return Spectrum(scene.medium(v.medium).phase().eval(wo, wi));
-  }
-  const Spectrum value =
-      v.closure.eval_pdf(v.hit.shading.to_local(wo), v.hit.shading.to_local(wi), mode, pdf_solid_angle);
-  return mode == TransportMode::radiance ? value : value * shading_correction(v.hit, wo, wi);
+  if (v.kind == VertexKind::medium)
+    return MediumScattering(scene.medium(v.medium).phase(), wo).value(wi, mode, pdf_solid_angle);
+  return SurfaceScattering(v.hit, v.closure, wo).value(wi, mode, pdf_solid_angle);
 }
 
 // The density alone.
 [[gnu::always_inline]] inline float pdf_scatter_solid_angle(const scene::Scene& scene, const ScatterPoint& v,
                                                             Vec3 wo, Vec3 wi, TransportMode mode) {
-  if (v.kind == VertexKind::medium) return scene.medium(v.medium).phase().pdf_solid_angle(wo, wi);
-  return v.closure.pdf_solid_angle(v.hit.shading.to_local(wo), v.hit.shading.to_local(wi), mode);
+  if (v.kind == VertexKind::medium)
+    return MediumScattering(scene.medium(v.medium).phase(), wo).pdf_solid_angle(wi);
+  return SurfaceScattering(v.hit, v.closure, wo).pdf_solid_angle(wi, mode);
 }
 
 }  // namespace candela::transport

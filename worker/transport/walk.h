@@ -49,13 +49,27 @@ inline double direct_density(const scene::Scene& scene, const scene::EmissionSam
                              static_cast<double>(o.cosine), distance_squared);
 }
 
-// SamplerT: samplers::Sampler, or what stands in for it (mcmc::PrimarySampler). Observer: as NoObserver; a
-// handle, kept by value.
-template <TransportMode kMode, Between kBetween, class MisT, class SamplerT = samplers::Sampler,
-          class Observer = NoObserver>
-class Walk {
- public:
+// The parameters of a walk. SamplerT: samplers::Sampler, or what stands in for it (mcmc::PrimarySampler).
+// ObserverT: as NoObserver; a handle, kept by value.
+template <TransportMode kModeOf, Between kBetweenOf, class MisT, class SamplerT = samplers::Sampler,
+          class ObserverT = NoObserver>
+struct WalkConfig {
+  static constexpr TransportMode kMode = kModeOf;
+  static constexpr Between kBetween = kBetweenOf;
   using Mis = MisT;
+  using Sampler = SamplerT;
+  using Observer = ObserverT;
+};
+
+// Config: a WalkConfig, or a type with its members.
+template <class Config>
+class BasicWalk {
+ public:
+  static constexpr TransportMode kMode = Config::kMode;
+  static constexpr Between kBetween = Config::kBetween;
+  using Mis = typename Config::Mis;
+  using SamplerT = typename Config::Sampler;
+  using Observer = typename Config::Observer;
   using Block = typename Mis::Block;
   using Vertex = transport::Vertex<Block>;
   using Departure = typename Mis::Departure;
@@ -65,8 +79,8 @@ class Walk {
   static constexpr bool kFromLight = kMode == TransportMode::importance;
   static constexpr bool kPasses = kBetween != Between::nothing, kMedia = kBetween == Between::media;
 
-  Walk(const scene::Scene& scene, const WalkRules& rules, const MisFactors& factors, SamplerT& sampler,
-       film::Tallies& tallies, Observer observer = {})
+  BasicWalk(const scene::Scene& scene, const WalkRules& rules, const MisFactors& factors, SamplerT& sampler,
+            film::Tallies& tallies, Observer observer = {})
       : scene_(scene),
         rules_(rules),
         factors_(factors),
@@ -157,8 +171,13 @@ class Walk {
   LensMeeting lens_;
 };
 
-template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
-bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::start_light() {
+// A walk by its parameters one by one.
+template <TransportMode kMode, Between kBetween, class Mis, class SamplerT = samplers::Sampler,
+          class Observer = NoObserver>
+using Walk = BasicWalk<WalkConfig<kMode, kBetween, Mis, SamplerT, Observer>>;
+
+template <class Config>
+bool BasicWalk<Config>::start_light() {
   const float u_select = sampler_.draw_1d(0, true);
   const Vec2 u_position = sampler_.draw_2d(1, true), u_direction = sampler_.draw_2d(2, true);
   if (!scene_.sample_emission(u_select, u_position, u_direction, origin_)) return false;
@@ -189,8 +208,8 @@ bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::start_light() {
   return true;
 }
 
-template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
-void Walk<kMode, kBetween, Mis, SamplerT, Observer>::start_eye(const Ray& ray) {
+template <class Config>
+void BasicWalk<Config>::start_eye(const Ray& ray) {
   ray_ = ray;
   throughput_ = Spectrum(1.0f);
   if constexpr (kMedia) medium_ = scene_.camera_medium(ray);
@@ -211,8 +230,8 @@ void Walk<kMode, kBetween, Mis, SamplerT, Observer>::start_eye(const Ray& ray) {
   }
 }
 
-template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
-auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::advance(Vertex& v, scene::ClosureArena& arena) -> Event {
+template <class Config>
+auto BasicWalk<Config>::advance(Vertex& v, scene::ClosureArena& arena) -> Event {
   const bool from_outside = kFromLight && first_stretch_ && !finite_;
   if (first_stretch_)
     first_stretch_ = false;
@@ -286,7 +305,7 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::advance(Vertex& v, scene::C
     arena.clear();
     v.closure = scene_.closure(v.hit, wo, arena);
     v.connectible = !v.closure.black && !v.closure.purely_delta();
-    v.front = v.closure.scatters_through() ? Vec3{} : wo.z < 0 ? -v.hit.shading.n : v.hit.shading.n;
+    v.front = SurfaceScattering(v.hit, v.closure, v.wo, wo).front();
   }
   arrive(v);
   return Event::vertex;
@@ -294,8 +313,8 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::advance(Vertex& v, scene::C
 
 // A point or spot light may lie on a surface (a spot in a ceiling): next event estimation does not meet that,
 // and neither does its walk, which then goes on from behind it.
-template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
-bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::leave_surfaces(bool found, SurfaceHit& hit) {
+template <class Config>
+bool BasicWalk<Config>::leave_surfaces(bool found, SurfaceHit& hit) {
   while (found && goes_through(hit, origin_.vertex.p)) {
     if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
     ray_ = spawn_ray(hit, ray_.direction);
@@ -307,8 +326,8 @@ bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::leave_surfaces(bool found, 
 }
 
 // What weights need to know of an edge that ends at v.
-template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
-void Walk<kMode, kBetween, Mis, SamplerT, Observer>::arrive(Vertex& v) {
+template <class Config>
+void BasicWalk<Config>::arrive(Vertex& v) {
   if constexpr (Mis::kWeighs) {
     const Departure& d = departure_;
     const double at_v = static_cast<double>(v.arrival);
@@ -333,9 +352,8 @@ void Walk<kMode, kBetween, Mis, SamplerT, Observer>::arrive(Vertex& v) {
   }
 }
 
-template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
-void Walk<kMode, kBetween, Mis, SamplerT, Observer>::depart(Vertex& v, float pdf, bool delta,
-                                                            double pdf_reverse, double factor_out) {
+template <class Config>
+void BasicWalk<Config>::depart(Vertex& v, float pdf, bool delta, double pdf_reverse, double factor_out) {
   edges_ = v.edges;
   from_ = v.hit.p;
   finite_ = true;
@@ -348,15 +366,15 @@ void Walk<kMode, kBetween, Mis, SamplerT, Observer>::depart(Vertex& v, float pdf
   }
 }
 
-template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
-auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step {
+template <class Config>
+auto BasicWalk<Config>::scatter(Vertex& v) -> Step {
   const bool stratify = stratified();
   if constexpr (kMedia) {
     if (v.kind == VertexKind::medium) {
       if (v.edges >= max_edges()) return Step::ended;
       Vec3 wi;
-      const float pdf =
-          scene_.medium(v.medium).phase().sample(v.wo, sampler_.draw_2d(block_ + kDirection, stratify), wi);
+      const float pdf = MediumScattering(scene_.medium(v.medium).phase(), v.wo)
+                            .sample(sampler_.draw_2d(block_ + kDirection, stratify), wi);
       ++scatterings_;
       v.left_sharply = pdf > kSharpDensity;
       depart(v, pdf, false, static_cast<double>(pdf), static_cast<double>(v.arrival));
@@ -378,18 +396,17 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step 
     return Step::ended;
   }
   if (v.closure.black) return Step::ended;
-  const Vec3 wo = v.hit.shading.to_local(v.wo);
+  const SurfaceScattering at(v.hit, v.closure, v.wo);
   scene::BsdfSample next;
-  const float u_lobe = v.closure.chooses_lobe() ? sampler_.draw_1d(block_ + kLobe, stratify) : 0.0f;
-  if (!v.closure.sample(wo, u_lobe, sampler_.draw_2d(block_ + kDirection, stratify), kMode, next))
-    return Step::ended;
+  const float u_lobe = at.chooses_lobe() ? sampler_.draw_1d(block_ + kLobe, stratify) : 0.0f;
+  if (!at.sample(u_lobe, sampler_.draw_2d(block_ + kDirection, stratify), kMode, next)) return Step::ended;
   throughput_ *= next.weight;
   if constexpr (kPasses) {
     if (next.straight) return !throughput_.is_black() && pass_straight(v.hit) ? Step::passed : Step::ended;
   }
-  const Vec3 wi = v.hit.shading.to_world(next.wi);
+  const Vec3 wi = at.direction(next);
   if constexpr (kFromLight)
-    throughput_ *= shading_correction(v.hit, v.wo, wi);
+    throughput_ *= at.adjoint(wi);
   else
     scale_ *= next.eta * next.eta;
   if (throughput_.is_black()) return Step::ended;
@@ -406,8 +423,7 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step 
       reverse = static_cast<double>(next.prob_reverse) / (eta * eta) * static_cast<double>(v.arrival) / out;
     } else {
       pdf = next.pdf_solid_angle;
-      constexpr TransportMode kOther = kFromLight ? TransportMode::radiance : TransportMode::importance;
-      reverse = static_cast<double>(v.closure.pdf_solid_angle(next.wi, wo, kOther));
+      reverse = static_cast<double>(at.pdf_reverse_solid_angle(next, kMode));
     }
   }
   depart(v, pdf, next.delta, reverse, out);
@@ -421,8 +437,8 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step 
   return Step::scattered;
 }
 
-template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
-bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::survives(float longest) {
+template <class Config>
+bool BasicWalk<Config>::survives(float longest) {
   if (edges_ < rules_.rr_depth) return true;
   const float survive = kSubpathRoulette.survival(throughput_.max_component() * scale_, longest);
   if (!(sampler_.draw_1d(block_ + kRoulette, stratified()) < survive)) return false;
@@ -430,8 +446,8 @@ bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::survives(float longest) {
   return true;
 }
 
-template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
-bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::pass_straight(const SurfaceHit& hit) {
+template <class Config>
+bool BasicWalk<Config>::pass_straight(const SurfaceHit& hit) {
   if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
   ray_ = spawn_ray(hit, ray_.direction);
   return ++passes_ < kMostPasses;
@@ -439,8 +455,8 @@ bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::pass_straight(const Surface
 
 // The lens does not stop the walk, and it is met whether or not a flight through a medium would have got
 // there: what a medium takes is in the throughput instead.
-template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
-void Walk<kMode, kBetween, Mis, SamplerT, Observer>::look_for_lens(bool found, const SurfaceHit& hit) {
+template <class Config>
+void BasicWalk<Config>::look_for_lens(bool found, const SurfaceHit& hit) {
   float distance = 0;
   if (!scene_.meets_camera(ray_, found ? &hit : nullptr, distance, lens_.camera, rules_.film_border)) return;
   lens_.met = true;

@@ -162,12 +162,11 @@ Adaptation plug_in(const EpochSettings& epochs, const PlugInSettings& bandwidth,
   const int of_kernel = static_cast<int>(kernel);
   Adaptation adaptation = make_adaptation(epochs, "appm", {kFactor, rules::kMaxLevel});
   SettingsMap& constants = adaptation.epochs.constants;
-  constants["c6"] = rules::constant_text(rules::plug_in_constant(
-      kSecondMoment[of_kernel], 1 / transport::effective_area(kernel, 1), bandwidth.recursive_correction));
+  constants["c6"] = rules::constant_text(
+      rules::plug_in_constant(kSecondMoment[of_kernel], 1 / transport::effective_area(kernel, 1)));
   if (media) {
-    const rules::PlugInMedia in_media =
-        rules::plug_in_media(kSecondMoment[of_kernel], kBallSecondMoment[of_kernel],
-                             1 / transport::effective_volume(kernel, 1), bandwidth.recursive_correction);
+    const rules::PlugInMedia in_media = rules::plug_in_media(
+        kSecondMoment[of_kernel], kBallSecondMoment[of_kernel], 1 / transport::effective_volume(kernel, 1));
     constants["c7"] = rules::constant_text(in_media.c7);
     constants["k2_ratio"] = rules::constant_text(in_media.k2_ratio);
   }

@@ -91,17 +91,16 @@ struct CountTestSettings {
 
 // The plug-in bandwidth.
 struct PlugInSettings {
-  Choice pilot{"tenth", {"tenth", "eighth", "reference"}};
-  bool recursive_correction = false;
+  Choice pilot{"tenth", {"tenth", "reference"}};
   double r_min = 0.001, r_max = 4;
 
   template <class Visitor>
   void fields(Visitor& visit) {
-    visit("pilot", pilot,
-          "pilot radius, at which the Laplacian is estimated: the exponent by which it falls, or the best "
-          "radius of a bell-shaped field, for each pixel");
-    visit("recursive_correction", recursive_correction,
-          "the radius that is best for the mean of all radii so far, smaller by a sixth");
+    visit(
+        "pilot", pilot,
+        "pilot radius, at which the Laplacian is estimated: tenth, falling as i^(-1/10); reference, the best "
+        "radius of a bell-shaped field, for each pixel");
+    visit.retired("recursive_correction", "false", "radii are those of least error of the present radius");
     visit("r_min", r_min, NumberRange{0, 1e6, true},
           "smallest radius of iteration i, as a share of the first radius times i^(-1/6)");
     visit("r_max", r_max, NumberRange{0, 1e6, true}, "largest radius of iteration i, in the same way");

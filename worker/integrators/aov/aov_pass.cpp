@@ -11,6 +11,7 @@
 #include "worker/integrators/pixel_order.h"
 #include "worker/transport/between.h"
 #include "worker/transport/draws.h"
+#include "worker/transport/scattering.h"
 
 namespace candela::integrators {
 namespace {
@@ -114,11 +115,11 @@ class Eye {
     if (closure.black) return false;
     const std::uint32_t block = transport::kEyeDimensions + pass * transport::kBlock;
     const bool stratified = pass < transport::kStratifiedVertices;
-    const float u_lobe =
-        closure.chooses_lobe() ? sampler_.draw_1d(block + transport::kLobe, stratified) : 0.0f;
+    const transport::SurfaceScattering at(seen.hit, closure, -ray.direction, wo);
+    const float u_lobe = at.chooses_lobe() ? sampler_.draw_1d(block + transport::kLobe, stratified) : 0.0f;
     scene::BsdfSample sample;
-    if (!closure.sample(wo, u_lobe, sampler_.draw_2d(block + transport::kDirection, stratified),
-                        scene::TransportMode::importance, sample))
+    if (!at.sample(u_lobe, sampler_.draw_2d(block + transport::kDirection, stratified),
+                   scene::TransportMode::importance, sample))
       return false;
     passed *= sample.weight;
     if (sample.straight) return true;

@@ -15,9 +15,8 @@ namespace {
 // pixels.
 class MakeMoments {
  public:
-  MakeMoments(transport::Kernel kernel, const std::string& pilot, adaptive::Adaptation adaptation)
+  MakeMoments(transport::Kernel kernel, adaptive::Adaptation adaptation)
       : kernel_(kernel),
-        pilot_(pilot == "eighth" ? candela::adaptive::Pilot::eighth : candela::adaptive::Pilot::tenth),
         adaptation_(std::move(adaptation)),
         epochs_(adaptation_.epochs.first, adaptation_.epochs.growth) {}
 
@@ -32,7 +31,7 @@ class MakeMoments {
   Moments operator()(double first_radius, const UnitContext& context, const Unit& unit,
                      const UnitInput& input) const {
     const std::uint64_t begin = epochs_.begin(epochs_.of_index(unit.begin));
-    const double pilot = clamped(first_radius * candela::adaptive::pilot_bandwidth(pilot_, begin));
+    const double pilot = clamped(first_radius * candela::adaptive::pilot_bandwidth(begin));
     if (adaptation_.planes.empty()) return {{}, {kernel_, first_radius, pilot}};
     std::vector<transport::SurfacePilot> pilots;
     for (int g = 0; g < candela::adaptive::kPilotLevels; ++g)
@@ -47,7 +46,6 @@ class MakeMoments {
   static double clamped(double radius) { return std::max(radius, adaptive::kLeastRadius); }
 
   transport::Kernel kernel_;
-  candela::adaptive::Pilot pilot_;
   adaptive::Adaptation adaptation_;
   Epochs epochs_;
 };
@@ -63,8 +61,8 @@ Result<std::unique_ptr<Integrator>> make_appm_integrator(const SettingsMap& sett
   Planned planned = ppm::plan(parsed.common.path_options(), false, features, parsed.common.full_plan());
   const adaptive::Adaptation adaptation =
       adaptive::plug_in(parsed.epochs, parsed.bandwidth, kernel, planned.techniques.merge_medium);
-  return adaptive::make_photon_mapping<transport::PlugInMoments>(
-      parsed, std::move(planned), adaptation, MakeMoments(kernel, parsed.bandwidth.pilot.value, adaptation));
+  return adaptive::make_photon_mapping<transport::PlugInMoments>(parsed, std::move(planned), adaptation,
+                                                                 MakeMoments(kernel, adaptation));
 }
 
 }  // namespace candela::integrators

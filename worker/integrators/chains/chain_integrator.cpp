@@ -6,7 +6,7 @@
 
 #include "worker/integrators/chains/direct_light.h"
 #include "worker/integrators/parallel_tasks.h"
-#include "worker/integrators/pilot.h"
+#include "worker/integrators/pilot/eye_walk.h"
 #include "worker/mcmc/chain.h"
 
 namespace candela::integrators {
@@ -75,7 +75,7 @@ ChainIntegrator::ChainIntegrator(const ChainSettings& settings, const estimators
     plan_.use("Metropolis", "light may be hard to find: " + reasons);
 }
 
-Result<ChainRegularization> chain_regularization(const ChainRegulariseSettings& settings,
+Result<ChainRegularization> chain_regularization(const RegulariseSettings& settings,
                                                  const ChainSettings& chains,
                                                  const scene::SceneFeatures& features,
                                                  std::uint32_t max_depth, transport::Connecting techniques,
@@ -87,12 +87,7 @@ Result<ChainRegularization> chain_regularization(const ChainRegulariseSettings& 
     return usage_error("the path tracing of direct=path finds nothing that is mollified")
         .with_field("direct")
         .with_mend("give direct=chain, or regularise=off");
-  const bool geometric = settings.schedule.value == "geometric";
-  if (geometric)
-    plan.note("regularise_schedule",
-              "a radius that falls by a constant factor for each mutation freezes the chains: their error "
-              "stops falling, whatever the number of mutations");
-  return ChainRegularization(regularization, geometric);
+  return ChainRegularization(regularization);
 }
 
 ChainPlan ChainIntegrator::chain_plan(FilmSize size) const {

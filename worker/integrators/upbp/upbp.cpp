@@ -12,16 +12,16 @@
 
 #include "common/rng/stream.h"
 #include "worker/integrators/decision_bytes.h"
-#include "worker/integrators/film_scale.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/merging/first_radius.h"
 #include "worker/integrators/merging/iterations.h"
-#include "worker/integrators/upbp/choice.h"
+#include "worker/integrators/pilot/trial_runs.h"
 #include "worker/integrators/upbp/hits.h"
 #include "worker/integrators/upbp/memory.h"
 #include "worker/integrators/upbp/rules.h"
 #include "worker/integrators/upbp/scales.h"
 #include "worker/integrators/upbp/stores.h"
+#include "worker/integrators/upbp/work_counts.h"
 #include "worker/integrators/vcm/plan.h"
 #include "worker/integrators/vcm/vcm.h"
 #include "worker/transport/radius.h"
@@ -89,7 +89,7 @@ class UpbpIntegrator final : public IterationIntegrator {
   };
   struct Pilot {
     Decided decided;
-    upbp::Choice choice;
+    pilot::Choice choice;
     upbp::Memory memory;                               // of an iteration of what was chosen
     std::optional<merging::ChosenRadius> radius = {};  // if what was chosen merges
   };
@@ -207,35 +207,17 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
   return {};
 }
 
-constexpr double kPilotPixels = 1024, kMostPilotPixels = 4096;  // a quarter of the film in between
+constexpr pilot::SmallFilm kPilotFilm{1024, 4096, 0x63686f696365ULL};  // "choice"
 constexpr double kFewConnections = 0.125;
-constexpr std::uint32_t kScaleSamples = 512;  // of the pilot's film
 
 // Every variant renders the same few iterations of a small film, of the same scene, radii and light paths per
 // pixel. A pure function of the scene, the settings and the film's size, with radius_neighbors of the job's
 // seed, too.
 Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& context,
                                                         const RunContext& run) const {
-  const double pixels = static_cast<double>(context.width) * context.height;
-  const double shrink =
-      std::max(1.0, std::sqrt(pixels / std::clamp(pixels / 4, kPilotPixels, kMostPilotPixels)));
-  const auto side = [&](std::uint32_t whole) {
-    return std::max(1U, static_cast<std::uint32_t>(std::lround(whole / shrink)));
-  };
-  UnitContext small{context.scene,       context.filter,      samplers::SamplerKind::independent,
-                    0x63686f696365ULL,  // "choice"
-                    side(context.width), side(context.height)};
-  small.camera_units = {static_cast<float>(context.width) / static_cast<float>(small.width),
-                        static_cast<float>(context.height) / static_cast<float>(small.height)};
-  RunContext quiet = run;
-  quiet.progress = nullptr;
-  quiet.fault = nullptr;
-  UnitOutput output;
-  const int scale =
-      film_scale_log2(pilot_luminances(small, kScaleSamples), context.scene.features().max_emitted_radiance);
-  const film::Layout layout{small.width, small.height,
-                            static_cast<std::uint32_t>(1 + variants_[0]->iterations.layers().size())};
-  std::vector<upbp::Trial> trials;
+  const pilot::TrialRuns runs(*this, context, run, kPilotFilm,
+                              static_cast<std::uint32_t>(1 + variants_[0]->iterations.layers().size()));
+  std::vector<pilot::Trial> trials;
   std::vector<upbp::Memory> memory;
   std::vector<upbp::ExpectedHits> hits;
   std::optional<merging::ChosenRadius> radius;  // all variants share that of the first one that merges
@@ -245,39 +227,33 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
     if (techniques.merges() && !radius) radius = merging::choose_radius(context, merge, options_, techniques);
     const double first = techniques.merges() ? radius->value : 1;
     const std::uint64_t paths = merging::light_path_count(merge, context),
-                        few_paths = merging::light_path_count(merge, small);
+                        few_paths = merging::light_path_count(merge, runs.context());
     const double density = static_cast<double>(paths) / static_cast<double>(few_paths);
     Measured measured;
-    upbp::Trial& trial = trials.emplace_back();
-    for (std::size_t r = 0; r < upbp::kReplicates; ++r) {
-      output.film = std::make_unique<film::UnitFilm>(layout, scale);
+    CANDELA_ASSIGN(pilot::Trial trial, runs.run([&](const UnitContext& small, const Unit& unit,
+                                                    UnitOutput& output, const RunContext& quiet) {
       // A replicate expects the hits of those before it, the first one none.
-      CANDELA_TRY(run_variant(variant, first, measured.hits.expected(), small,
-                              {Unit::Kind::iterations, 0, r, r + 1}, output, quiet, measured));
-      const std::int64_t* sums = output.film->sums();
-      std::vector<float> image(3 * layout.pixel_count());
-      for (std::size_t i = 0; i < image.size(); ++i)
-        image[i] = static_cast<float>(std::ldexp(static_cast<double>(sums[i]), -scale));
-      trial.images[r] = upbp::means_of_squares(image, small.width, small.height);
-    }
+      return run_variant(variant, first, measured.hits.expected(), small, unit, output, quiet, measured);
+    }));
     trial.cost = measured.work.cost(density);
+    trials.push_back(std::move(trial));
     const MediumRules& medium = variant.rules.medium;
     const double more_beams =
-        beam_path_count(medium, context, paths) / beam_path_count(medium, small, few_paths);
-    memory.push_back(measured.memory.scaled(density / upbp::kReplicates, more_beams / upbp::kReplicates));
+        beam_path_count(medium, context, paths) / beam_path_count(medium, runs.context(), few_paths);
+    memory.push_back(measured.memory.scaled(density / pilot::kReplicates, more_beams / pilot::kReplicates));
     hits.push_back(measured.hits.expected().scaled(density, more_beams));
     return {};
   };
   for (const std::unique_ptr<Variant>& variant : variants_) {
     const Rules& rules = variant->rules;
-    if (rules.refined || (rules.only_if_cheap && trials.back().cost > upbp::kCheap * trials.front().cost))
+    if (rules.refined || (rules.only_if_cheap && trials.back().cost > pilot::kCheap * trials.front().cost))
       break;
     CANDELA_TRY(try_out(*variant));
   }
-  Pilot pilot{{}, upbp::choose(trials), {}};
-  Decided& decided = pilot.decided;
-  decided.variant = pilot.choice.index;
-  std::size_t best = pilot.choice.index;  // of the trials
+  Pilot result{{}, pilot::choose(trials), {}};
+  Decided& decided = result.decided;
+  decided.variant = result.choice.index;
+  std::size_t best = result.choice.index;  // of the trials
   // One refinement, then the other, each kept if it is better.
   for (const bool fewer : {true, false}) {
     MediumRules wanted = variants_[decided.variant]->rules.medium;
@@ -287,9 +263,9 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
       wanted.long_query_beams = true;
     for (std::size_t v = 0; v < variants_.size(); ++v) {
       const Rules& rules = variants_[v]->rules;
-      if (rules.refined != pilot.choice.index || rules.medium != wanted) continue;
+      if (rules.refined != result.choice.index || rules.medium != wanted) continue;
       CANDELA_TRY(try_out(*variants_[v]));
-      if (upbp::last_is_better(trials, best)) {
+      if (pilot::last_is_better(trials, best)) {
         decided.variant = v;
         best = trials.size() - 1;
       }
@@ -297,12 +273,12 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
     }
   }
   if (has_pilot_) decided.hits = hits[best];
-  pilot.memory = memory[best];
+  result.memory = memory[best];
   if (variants_[decided.variant]->iterations.techniques.merges()) {
     decided.radius = radius->value;
-    pilot.radius = std::move(radius);
+    result.radius = std::move(radius);
   }
-  return pilot;
+  return result;
 }
 
 constexpr std::string_view kKind = "upb1";  // of the decision
@@ -330,11 +306,11 @@ Result<UpbpIntegrator::Decided> UpbpIntegrator::read_decision(std::string_view b
 }
 
 Result<Decision> UpbpIntegrator::decide(const UnitContext& context, const RunContext& run) const {
-  CANDELA_ASSIGN(const Pilot pilot, run_pilot(context, run));
-  const upbp::Choice& choice = pilot.choice;
-  const Rules& chosen = variants_[pilot.decided.variant]->rules;
+  CANDELA_ASSIGN(const Pilot ended, run_pilot(context, run));
+  const pilot::Choice& choice = ended.choice;
+  const Rules& chosen = variants_[ended.decided.variant]->rules;
   Plan plan = chosen.planned.plan;
-  if (pilot.radius) merging::note_radius(*pilot.radius, context, plan);
+  if (ended.radius) merging::note_radius(*ended.radius, context, plan);
   std::string found;
   for (std::size_t v = 0; v < choice.inefficiency.size(); ++v)
     found += fmt::format("{}{} {:.2g} and {:.2g}", v == 0 ? "" : "; ", variants_[v]->rules.name,
@@ -344,16 +320,14 @@ Result<Decision> UpbpIntegrator::decide(const UnitContext& context, const RunCon
                                     "a pilot: {}",
                                     chosen.name, variants_[0]->rules.name, found));
   plan.note("memory", fmt::format("an iteration of {} x {} pixels holds about {}", context.width,
-                                  context.height, upbp::to_text(pilot.memory)));
-  return Decision{write_decision(pilot.decided), std::move(plan)};
+                                  context.height, upbp::to_text(ended.memory)));
+  return Decision{write_decision(ended.decided), std::move(plan)};
 }
 
 // The settings that vcm has too; of layers=techniques its layer `merging` is left.
 SettingsMap without_media(SettingsMap settings) {
-  for (const char* name :
-       {"techniques", "radius_pp3d", "radius_pb2d", "radius_bp2d", "radius_bb1d", "beam_paths",
-        "radius_free_paths", "connect_media", "merge_surfaces", "query_beams", "photon_beams"})
-    settings.erase(name);
+  const SettingsMap known = write_settings(VcmSettings()).map;
+  std::erase_if(settings, [&](const auto& setting) { return !known.contains(setting.first); });
   const auto layers = settings.find("layers");
   if (layers != settings.end() && layers->second == "techniques") layers->second = "merging";
   return settings;

@@ -1,5 +1,9 @@
 #include "worker/scene/emitters/directional.h"
 
+#include <cmath>
+
+#include "worker/scene/transform.h"
+
 namespace candela::scene {
 
 DirectOutcome DirectionalLight::sample_direct(const SurfaceHit& reference, Vec3 front, double /*rest*/,
@@ -35,6 +39,20 @@ bool DirectionalLight::pdf_emission(const SceneExtent& scene, Vec3 /*ng*/, Vec3 
   out.pdf_area = scene.pdf_disk_area();
   out.pdf_solid_angle = 1;
   return out.prob > 0;
+}
+
+Result<DirectionalLight> DirectionalLight::build(const description::Object& object,
+                                                 TextureStore& /*textures*/) {
+  if (object.find("direction") != nullptr && object.find("to_world") != nullptr)
+    return emitter_error(object, "give either direction or to_world, not both", "direction");
+  const description::Vec3 d = object.get_vec3("direction", {0, 0, 1});
+  const Vec3d world = object.find("direction") != nullptr
+                          ? Vec3d{d[0], d[1], d[2]}
+                          : Transform(object.get_transform("to_world")).vector({0, 0, 1});
+  const double l = length(world);
+  if (!(l > 0) || !std::isfinite(l)) return emitter_error(object, "direction has no length", "direction");
+  CANDELA_ASSIGN(const Spectrum irradiance, read_quantity(object, "irradiance"));
+  return DirectionalLight(Vec3(world / l), irradiance);
 }
 
 }  // namespace candela::scene

@@ -2,12 +2,17 @@
 #pragma once
 
 #include <algorithm>
+#include <string_view>
 
+#include "common/base/result.h"
+#include "common/description/object.h"
 #include "worker/core/vec.h"
 #include "worker/scene/emitters/cone.h"
 #include "worker/scene/emitters/emitter.h"
+#include "worker/scene/emitters/emitter_build.h"
 #include "worker/scene/emitters/light_bounds.h"
 #include "worker/scene/emitters/scene_extent.h"
+#include "worker/scene/textures/texture.h"
 
 namespace candela::scene {
 
@@ -15,6 +20,10 @@ class DirectionalLight {
  public:
   static constexpr bool kInfinite = true;
   static constexpr bool kReadsRest = false;
+  static constexpr bool kDelta = true;
+  static constexpr std::string_view kPlugins[] = {"directional"};
+
+  static Result<DirectionalLight> build(const description::Object& object, TextureStore& textures);
 
   // direction: unit, the way the light travels; irradiance on a surface facing it.
   DirectionalLight(Vec3 direction, Spectrum irradiance)
@@ -32,6 +41,8 @@ class DirectionalLight {
   Spectrum power(const SceneExtent& scene) const {
     return irradiance_ * static_cast<float>(scene.disk_area());
   }
+  bool black() const { return irradiance_.is_black(); }
+  float max_radiance(double /*scene_radius*/) const { return luminance(irradiance_); }
   float importance(Vec3 /*p*/, Vec3 front) const {
     if (is_zero(front)) return strength_;
     const float cosine = -dot(front, direction_);

@@ -4,10 +4,15 @@
 //   sample_emission, pdf_emission           light as it leaves; `prob` of its choice is filled in by the
 //   caller power, importance, bounds (unless kInfinite), emitted and min_power (surfaces)
 // and this is the only place that knows which kinds there are.
+//
+// To add one: write emitters/<kind>.{h,cpp}, which builds itself (emitter_build.h), add it to the list below,
+// and its parameters to the vocabulary (common/description/rules_emitters.cpp).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <type_traits>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -26,9 +31,65 @@
 
 namespace candela::scene {
 
-// At most 11 kinds: up to that std::visit is a switch, beyond it a table of functions.
 using Emitter = std::variant<RectangleLight, SphereLight, DiskLight, CylinderLight, MeshLight, PointLight,
                              SpotLight, ProjectorLight, GoniometricLight, DirectionalLight, Environment>;
+
+inline constexpr std::size_t kEmitterKinds = std::variant_size_v<Emitter>;
+
+template <class Visitor>
+using EmitterVisit = std::invoke_result_t<Visitor&, const std::variant_alternative_t<0, Emitter>&>;
+
+template <std::size_t kRow, class Visitor>
+[[gnu::always_inline]] inline EmitterVisit<Visitor> visit_row(const Emitter& emitter, Visitor& visitor) {
+  if constexpr (kRow < kEmitterKinds)
+    return visitor(*std::get_if<kRow>(&emitter));
+  else
+    __builtin_unreachable();
+}
+
+// As std::visit, which beyond 11 kinds is a table of functions: nothing of them would be inlined.
+template <class Visitor>
+[[gnu::always_inline]] inline EmitterVisit<Visitor> visit_emitter(const Emitter& emitter, Visitor&& visitor) {
+  static_assert(kEmitterKinds <= 16, "the switch has a row for each kind");
+  switch (emitter.index()) {
+    case 0:
+      return visit_row<0>(emitter, visitor);
+    case 1:
+      return visit_row<1>(emitter, visitor);
+    case 2:
+      return visit_row<2>(emitter, visitor);
+    case 3:
+      return visit_row<3>(emitter, visitor);
+    case 4:
+      return visit_row<4>(emitter, visitor);
+    case 5:
+      return visit_row<5>(emitter, visitor);
+    case 6:
+      return visit_row<6>(emitter, visitor);
+    case 7:
+      return visit_row<7>(emitter, visitor);
+    case 8:
+      return visit_row<8>(emitter, visitor);
+    case 9:
+      return visit_row<9>(emitter, visitor);
+    case 10:
+      return visit_row<10>(emitter, visitor);
+    case 11:
+      return visit_row<11>(emitter, visitor);
+    case 12:
+      return visit_row<12>(emitter, visitor);
+    case 13:
+      return visit_row<13>(emitter, visitor);
+    case 14:
+      return visit_row<14>(emitter, visitor);
+    case 15:
+      return visit_row<15>(emitter, visitor);
+  }
+  __builtin_unreachable();
+}
+
+// An emitter of a scene file that is no surface; nothing: it is black.
+Result<std::optional<Emitter>> build_emitter(const description::Object& object, TextureStore& textures);
 
 // The emitter of a shape that is in the geometry already; rectangle: as build_shape gave it, null otherwise.
 Emitter make_area_light(const Geometry& geometry, std::uint32_t shape, const Rectangle* rectangle,
@@ -37,7 +98,7 @@ Emitter make_area_light(const Geometry& geometry, std::uint32_t shape, const Rec
 class EmitterSet {
   template <class Visitor>
   decltype(auto) visit(std::uint32_t i, Visitor&& visitor) const {
-    return std::visit(std::forward<Visitor>(visitor), emitters_[i]);
+    return visit_emitter(emitters_[i], std::forward<Visitor>(visitor));
   }
 
  public:

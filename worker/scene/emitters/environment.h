@@ -7,6 +7,7 @@
 #pragma once
 
 #include <memory>
+#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
@@ -14,6 +15,7 @@
 #include "worker/core/math.h"
 #include "worker/core/vec.h"
 #include "worker/scene/emitters/emitter.h"
+#include "worker/scene/emitters/emitter_build.h"
 #include "worker/scene/emitters/scene_extent.h"
 #include "worker/scene/textures/texture.h"
 
@@ -23,8 +25,9 @@ class Environment {
  public:
   static constexpr bool kInfinite = true;
   static constexpr bool kReadsRest = false;
+  static constexpr bool kDelta = false;
+  static constexpr std::string_view kPlugins[] = {"constant", "envmap", "sky", "sun", "sunsky"};
 
-  // From a description object "constant", "envmap", "sky", "sun" or "sunsky".
   static Result<Environment> build(const description::Object& object, TextureStore& textures);
   static Environment constant(Spectrum radiance);
 
@@ -61,6 +64,7 @@ class Environment {
   // Mean over the sphere of directions: the power onto a disk of radius r is mean * 4 pi * pi r^2.
   Spectrum mean_radiance() const { return mean_radiance_; }
   float max_luminance() const { return max_luminance_; }
+  float max_radiance(double /*scene_radius*/) const { return max_luminance_; }
   // The relative variance of what a sample of a scattering direction finds of it, roughly: that of the
   // radiance over directions, and something for what stands before it.
   float variation() const { return variation_; }

@@ -10,6 +10,7 @@
 #include "worker/scene/emitters/distribution.h"
 #include "worker/scene/emitters/equal_area.h"
 #include "worker/scene/emitters/place.h"
+#include "worker/scene/transform.h"
 
 namespace candela::scene {
 
@@ -120,6 +121,34 @@ float GoniometricLight::importance(Vec3 p, Vec3 front) const {
   const float strength = strength_ * picture_->value(frame_.to_local(v * (-1 / std::sqrt(d2))));
   const float cosine = is_zero(front) ? 1 : std::max(h / std::sqrt(d2), kMinBoundCosine);
   return std::min(strength * cosine / d2, kMaxImportance);
+}
+
+Result<GoniometricLight> GoniometricLight::build(const description::Object& object, TextureStore& textures) {
+  CANDELA_ASSIGN(Spectrum intensity, read_quantity(object, "intensity"));
+  const description::Property* named = object.find("filename");
+  const description::Location where = named != nullptr ? named->where : object.where;
+  CANDELA_ASSIGN(const auto image, textures.image(object.get_string("filename", ""), {}, where));
+  if (image->width != image->height || image->width > DirectionPicture::kMaxSide)
+    return emitter_error(object,
+                         "the picture of a goniometric light is square, of at most " +
+                             std::to_string(DirectionPicture::kMaxSide) + " pixels a side",
+                         "filename");
+  if (!is_radiometric(image->minimum) || !is_radiometric(image->maximum))
+    return emitter_error(object, "the picture of a goniometric light must be finite and not negative",
+                         "filename");
+  auto picture = std::make_shared<const DirectionPicture>(*image);
+  if (object.find("power") != nullptr) {
+    const double power = static_cast<double>(luminance(intensity)) * 4 * std::numbers::pi * picture->mean();
+    const auto factor = static_cast<float>(object.get_number("power", 0) / power);
+    if (!std::isfinite(factor))
+      return emitter_error(object, "a black light cannot be scaled to a power", "power");
+    intensity = intensity * factor;
+  }
+  const Transform to_world(object.get_transform("to_world"));
+  CANDELA_ASSIGN(const Frame frame, read_frame(object, to_world));
+  // +y of the light is the picture's +z.
+  const Frame turned{frame.s, frame.n, frame.t};
+  return GoniometricLight(Vec3(to_world.translation()), turned, intensity, std::move(picture));
 }
 
 }  // namespace candela::scene

@@ -6,14 +6,18 @@
 
 #include <cstdint>
 #include <memory>
+#include <string_view>
 
 #include "common/base/result.h"
+#include "common/description/object.h"
 #include "worker/core/vec.h"
 #include "worker/scene/emitters/emitter.h"
+#include "worker/scene/emitters/emitter_build.h"
 #include "worker/scene/emitters/light_bounds.h"
 #include "worker/scene/emitters/scene_extent.h"
 #include "worker/scene/shapes/geometry.h"
 #include "worker/scene/textures/texel_image.h"
+#include "worker/scene/textures/texture.h"
 
 namespace candela::scene {
 
@@ -49,6 +53,10 @@ class GoniometricLight {
  public:
   static constexpr bool kInfinite = false;
   static constexpr bool kReadsRest = false;
+  static constexpr bool kDelta = true;
+  static constexpr std::string_view kPlugins[] = {"goniometric"};
+
+  static Result<GoniometricLight> build(const description::Object& object, TextureStore& textures);
 
   // The picture's space is the frame's. The picture is not black.
   GoniometricLight(Vec3 position, const Frame& frame, Spectrum intensity,
@@ -69,6 +77,8 @@ class GoniometricLight {
 
   // Upper bound of the intensity, W / sr.
   Spectrum peak() const { return intensity_ * picture_->maximum(); }
+  bool black() const { return intensity_.is_black() || !(picture_->mean() > 0); }
+  float max_radiance(double scene_radius) const { return radiance_of_point(peak(), scene_radius); }
 
  private:
   Spectrum intensity(Vec3 d) const { return intensity_ * picture_->value(frame_.to_local(d)); }

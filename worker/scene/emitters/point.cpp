@@ -2,6 +2,7 @@
 
 #include "worker/core/warp.h"
 #include "worker/scene/emitters/place.h"
+#include "worker/scene/transform.h"
 
 namespace candela::scene {
 
@@ -32,6 +33,17 @@ LightBounds PointLight::bounds(const Geometry& /*geometry*/) const {
   out.spread = math::kPi;
   out.strength = strength_;
   return out;
+}
+
+Result<PointLight> PointLight::build(const description::Object& object, TextureStore& /*textures*/) {
+  if (object.find("position") != nullptr && object.find("to_world") != nullptr)
+    return emitter_error(object, "give either position or to_world, not both", "position");
+  const description::Vec3 p = object.get_vec3("position", {0, 0, 0});
+  const Vec3d world = object.find("position") != nullptr
+                          ? Vec3d{p[0], p[1], p[2]}
+                          : Transform(object.get_transform("to_world")).translation();
+  CANDELA_ASSIGN(const Spectrum intensity, read_quantity(object, "intensity"));
+  return PointLight(Vec3(world), intensity);
 }
 
 }  // namespace candela::scene

@@ -3,13 +3,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 
+#include "common/base/result.h"
+#include "common/description/object.h"
 #include "worker/core/vec.h"
 #include "worker/scene/emitters/cone.h"
 #include "worker/scene/emitters/emitter.h"
+#include "worker/scene/emitters/emitter_build.h"
 #include "worker/scene/emitters/light_bounds.h"
 #include "worker/scene/emitters/scene_extent.h"
 #include "worker/scene/shapes/geometry.h"
+#include "worker/scene/textures/texture.h"
 
 namespace candela::scene {
 
@@ -17,6 +22,10 @@ class PointLight {
  public:
   static constexpr bool kInfinite = false;
   static constexpr bool kReadsRest = false;
+  static constexpr bool kDelta = true;
+  static constexpr std::string_view kPlugins[] = {"point"};
+
+  static Result<PointLight> build(const description::Object& object, TextureStore& textures);
 
   PointLight(Vec3 position, Spectrum intensity)
       : position_(position), intensity_(intensity), strength_(luminance(intensity)) {}
@@ -32,6 +41,8 @@ class PointLight {
 
   Spectrum power(const SceneExtent& /*scene*/) const { return intensity_ * (4 * math::kPi); }
   LightBounds bounds(const Geometry& geometry) const;
+  bool black() const { return intensity_.is_black(); }
+  float max_radiance(double scene_radius) const { return radiance_of_point(intensity_, scene_radius); }
   float importance(Vec3 p, Vec3 front) const {
     const Vec3 v = position_ - p;
     const float d2 = std::max(length_squared(v), 1e-36f);

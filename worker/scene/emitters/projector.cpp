@@ -5,6 +5,9 @@
 
 #include "worker/core/math.h"
 #include "worker/scene/emitters/place.h"
+#include "worker/scene/sensors/field_of_view.h"
+#include "worker/scene/textures/bitmap.h"
+#include "worker/scene/transform.h"
 
 namespace candela::scene {
 
@@ -110,6 +113,29 @@ LightBounds ProjectorLight::bounds(const Geometry& /*geometry*/) const {
   out.spread = math::atan2f(std::sqrt(tan_x_ * tan_x_ + tan_y_ * tan_y_), 1);
   out.strength = strength_;
   return out;
+}
+
+Result<ProjectorLight> ProjectorLight::build(const description::Object& object, TextureStore& textures) {
+  CANDELA_ASSIGN(const ColorTexture picture, textures.color(object, "irradiance", Spectrum(1.0f)));
+  if (picture.is_constant() && !is_radiometric(picture.constant))
+    return emitter_error(object, "irradiance must be finite and not negative", "irradiance");
+  const double aspect = aspect_of(picture.texture), scale = object.get_number("scale", 1);
+  CANDELA_ASSIGN(const double half_width, half_width_at_unit_depth(object, aspect));
+  const Transform to_world(object.get_transform("to_world"));
+  CANDELA_ASSIGN(const Frame frame, read_frame(object, to_world));
+  const Quantity quantity =
+      object.get_string("quantity", "irradiance") == "intensity" ? Quantity::intensity : Quantity::irradiance;
+  const auto light = [&](double factor) {
+    return ProjectorLight(Vec3(to_world.translation()), frame, picture, quantity, factor, half_width,
+                          half_width / aspect);
+  };
+  if (object.find("power") == nullptr) return light(scale);
+  constexpr int kSteps = 1024;  // many pictures have no more pixels
+  const double factor =
+      object.get_number("power", 0) / static_cast<double>(luminance(light(1).power_by(kSteps)));
+  if (!std::isfinite(static_cast<float>(factor)))
+    return emitter_error(object, "a black light cannot be scaled to a power", "power");
+  return light(factor);
 }
 
 }  // namespace candela::scene

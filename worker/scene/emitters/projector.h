@@ -4,9 +4,14 @@
 // pbrt's projection light, as the other reading of the picture, has the intensity I(d) = E(u, v).
 #pragma once
 
+#include <string_view>
+
+#include "common/base/result.h"
+#include "common/description/object.h"
 #include "worker/core/vec.h"
 #include "worker/scene/emitters/cone_importance.h"
 #include "worker/scene/emitters/emitter.h"
+#include "worker/scene/emitters/emitter_build.h"
 #include "worker/scene/emitters/light_bounds.h"
 #include "worker/scene/emitters/scene_extent.h"
 #include "worker/scene/shapes/geometry.h"
@@ -18,6 +23,10 @@ class ProjectorLight {
  public:
   static constexpr bool kInfinite = false;
   static constexpr bool kReadsRest = false;
+  static constexpr bool kDelta = true;
+  static constexpr std::string_view kPlugins[] = {"projector"};
+
+  static Result<ProjectorLight> build(const description::Object& object, TextureStore& textures);
 
   // frame.n is the axis, frame.s points to the left of the picture and frame.t to its top; tan_x, tan_y > 0:
   // half its width and height.
@@ -44,6 +53,8 @@ class ProjectorLight {
 
   // W / sr, in no direction more.
   Spectrum peak() const;
+  bool black() const { return !(luminance(peak()) > 0); }
+  float max_radiance(double scene_radius) const { return radiance_of_point(peak(), scene_radius); }
   // The power by a quadrature of steps x steps places in the picture.
   Spectrum power_by(int steps) const;
 

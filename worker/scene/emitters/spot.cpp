@@ -8,6 +8,7 @@
 #include "worker/core/warp.h"
 #include "worker/scene/emitters/double_math.h"
 #include "worker/scene/emitters/place.h"
+#include "worker/scene/transform.h"
 
 namespace candela::scene {
 namespace {
@@ -111,6 +112,26 @@ LightBounds SpotLight::bounds(const Geometry& /*geometry*/) const {
   out.emission = cutoff_ - beam_;
   out.strength = strength_;
   return out;
+}
+
+Result<SpotLight> SpotLight::build(const description::Object& object, TextureStore& textures) {
+  CANDELA_ASSIGN(const Spectrum intensity, read_quantity(object, "intensity"));
+  CANDELA_ASSIGN(const ColorTexture texture, textures.color(object, "texture", Spectrum(1.0f)));
+  const double cutoff = object.get_number("cutoff_angle", 20);
+  const double beam = object.get_number("beam_width", cutoff * 3 / 4);
+  if (!(cutoff > 0 && cutoff <= 180))
+    return emitter_error(object, "cutoff_angle is above 0 and at most 180 degrees", "cutoff_angle");
+  if (!(beam >= 0 && beam <= cutoff))
+    return emitter_error(object, "beam_width is not within 0 and cutoff_angle", "beam_width");
+  if (!texture.is_constant() && cutoff > 89.9)
+    return emitter_error(object,
+                         "a texture cannot be projected into a cone of cutoff_angle 90 degrees or more",
+                         "cutoff_angle");
+  const Transform to_world(object.get_transform("to_world"));
+  CANDELA_ASSIGN(const Frame frame, read_frame(object, to_world));
+  constexpr double kRadians = std::numbers::pi / 180;
+  return SpotLight(Vec3(to_world.translation()), frame, intensity, cutoff * kRadians, beam * kRadians,
+                   texture);
 }
 
 }  // namespace candela::scene

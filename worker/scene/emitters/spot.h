@@ -2,9 +2,14 @@
 // off linearly in the angle to nothing at cutoff_angle, times an optional texture projected along the axis.
 #pragma once
 
+#include <string_view>
+
+#include "common/base/result.h"
+#include "common/description/object.h"
 #include "worker/core/vec.h"
 #include "worker/scene/emitters/cone_importance.h"
 #include "worker/scene/emitters/emitter.h"
+#include "worker/scene/emitters/emitter_build.h"
 #include "worker/scene/emitters/light_bounds.h"
 #include "worker/scene/emitters/scene_extent.h"
 #include "worker/scene/shapes/geometry.h"
@@ -16,6 +21,10 @@ class SpotLight {
  public:
   static constexpr bool kInfinite = false;
   static constexpr bool kReadsRest = false;
+  static constexpr bool kDelta = true;
+  static constexpr std::string_view kPlugins[] = {"spot"};
+
+  static Result<SpotLight> build(const description::Object& object, TextureStore& textures);
 
   // frame.n is the axis, frame.s and frame.t span the texture; angles in radians, 0 <= beam <= cutoff <= pi,
   // cutoff > 0 (below pi / 2 with a texture that varies).
@@ -39,6 +48,8 @@ class SpotLight {
   }
 
   Spectrum peak() const { return intensity_ * texture_.maximum(); }
+  bool black() const { return !(luminance(peak()) > 0); }
+  float max_radiance(double scene_radius) const { return radiance_of_point(peak(), scene_radius); }
 
  private:
   // W / sr towards d (unit, world).

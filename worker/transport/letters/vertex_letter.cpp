@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "common/rng/stream.h"
+#include "worker/transport/scattering.h"
 
 namespace candela::transport {
 
@@ -17,9 +18,7 @@ ChannelLetters letters_of_lobes(const SurfaceHit& hit, const scene::Closure& clo
                                 TransportMode mode, float glossy_below, std::uint64_t key) {
   // An even closure has no lobe but diffuse and delta ones.
   if (closure.even()) return {{Letter::diffuse, Letter::diffuse, Letter::diffuse}};
-  const Vec3 local_wo = hit.shading.to_local(wo), local_wi = hit.shading.to_local(wi);
-  const Spectrum value = closure.eval(local_wo, local_wi, mode);
-  const Spectrum part = closure.eval_diffuse(local_wo, local_wi, mode, glossy_below);
+  const auto [value, part] = SurfaceScattering(hit, closure, wo).parts(wi, mode, glossy_below);
   // One number for the three channels: they differ where the lobes' shares do.
   const auto u = static_cast<float>(rng::to_double(rng::combine(key, 0x6c6f6265ULL)));  // "lobe"
   const auto choose = [&](float all_lobes, float diffuse_lobes) {

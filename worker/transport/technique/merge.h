@@ -19,6 +19,7 @@
 
 #include "worker/transport/merge_scale.h"
 #include "worker/transport/photon_map.h"
+#include "worker/transport/scattering.h"
 #include "worker/transport/statistics/none.h"
 #include "worker/transport/technique/merge_letters.h"
 #include "worker/transport/vertex.h"
@@ -73,14 +74,14 @@ class SurfaceMerge {
         v_(v),
         statistics_(statistics),
         letters_(letters),
-        wo_(v.hit.shading.to_local(v.wo)),
+        scattering_(v.hit, v.closure, v.wo),
         max_edges_(maps.max_edges - v.edges) {}
 
   void operator()(const Photon<Block>& photon, float d2) {
     if (photon.edges > max_edges_) return;
-    const Vec3 wi = v_.hit.shading.to_local(photon.wo);
+    const SurfaceScattering::Direction wi = scattering_.along(photon.wo);
     float pdf = 0;
-    Spectrum value = v_.closure.eval_pdf(wo_, wi, TransportMode::radiance, pdf);
+    Spectrum value = scattering_.value(wi, TransportMode::radiance, pdf);
     if (value.is_black() || maps_.leaves(photon, pdf)) return;
     value *= photon.flux;
     const float cosine = std::max(v_.density_factor(photon.wo), kLeastOfOwnCosine * photon.cosine());
@@ -90,7 +91,7 @@ class SurfaceMerge {
     float weight = 1;
     if constexpr (Mis::kWeighs) {
       const auto reverse =
-          static_cast<double>(v_.closure.pdf_solid_angle(wi, wo_, TransportMode::importance));
+          static_cast<double>(scattering_.pdf_reverse_solid_angle(wi, TransportMode::radiance));
       weight = static_cast<float>(merge_weight(
           scale_.eta.surface, Mis::sum(photon.weights.block(), static_cast<double>(pdf), scale_.eta),
           Mis::sum(v_.mis, reverse, scale_.eta)));
@@ -110,7 +111,7 @@ class SurfaceMerge {
   const Vertex<Block>& v_;
   Statistics& statistics_;
   [[maybe_unused]] MergeLetters& letters_;
-  Vec3 wo_;
+  SurfaceScattering scattering_;
   std::uint32_t max_edges_;
 };
 
@@ -124,12 +125,12 @@ class MediumMerge {
         v_(v),
         statistics_(statistics),
         letters_(letters),
-        phase_(scene.medium(v.medium).phase()),
+        scattering_(scene.medium(v.medium).phase(), v.wo),
         max_edges_(maps.max_edges - v.edges) {}
 
   void operator()(const Photon<Block>& photon, float d2) {
     if (photon.medium() != v_.medium || photon.edges > max_edges_) return;
-    const float phase = phase_.eval(v_.wo, photon.wo);
+    const float phase = scattering_.value(photon.wo);
     if (maps_.leaves(photon, phase)) return;  // the phase function is its density
     float kernel = scale_.ball.value(d2);
     if constexpr (Statistics::kReaches) kernel = within(d2, scale_.ball_radius) ? kernel : 0;
@@ -137,8 +138,8 @@ class MediumMerge {
     if (Statistics::kReaches ? phase == 0 : factor == 0) return;
     float weight = 1;
     if constexpr (Mis::kWeighs) {
-      const auto forward = static_cast<double>(phase_.pdf_solid_angle(v_.wo, photon.wo));
-      const auto reverse = static_cast<double>(phase_.pdf_solid_angle(photon.wo, v_.wo));
+      const auto forward = static_cast<double>(scattering_.pdf_solid_angle(photon.wo));
+      const auto reverse = static_cast<double>(scattering_.pdf_reverse_solid_angle(photon.wo));
       weight = static_cast<float>(merge_weight(scale_.eta.medium,
                                                Mis::sum(photon.weights.block(), forward, scale_.eta),
                                                Mis::sum(v_.mis, reverse, scale_.eta)));
@@ -158,7 +159,7 @@ class MediumMerge {
   const Vertex<Block>& v_;
   Statistics& statistics_;
   [[maybe_unused]] MergeLetters& letters_;
-  const scene::Phase& phase_;
+  MediumScattering scattering_;
   std::uint32_t max_edges_;
 };
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "worker/transport/between.h"
+#include "worker/transport/scattering.h"
 #include "worker/transport/walk.h"
 
 namespace candela::transport {
@@ -86,7 +87,8 @@ void MergeWork::add(const MergeWork& other) {
 
 // The weight of a merge of eta `own` at v with light from w.
 double MediumGather::weight_at(const Vertex<MisBlock>& v, double own, const LightCopy& light, Vec3 w) const {
-  const auto reverse = static_cast<double>(scene_.medium(v.medium).phase().pdf_solid_angle(w, v.wo));
+  const auto reverse =
+      static_cast<double>(MediumScattering(scene_.medium(v.medium).phase(), v.wo).pdf_reverse_solid_angle(w));
   const double merges =
       maps_.factors.medium[v.medium].at(light.hazard, static_cast<double>(v.arrival), sine_between(v.wo, w),
                                         light.survival, static_cast<double>(v.survival));
@@ -112,17 +114,17 @@ Spectrum MediumGather::finish(Spectrum& path_sum) {
   const Vertex<MisBlock>& v = *std::exchange(v_, nullptr);
   const std::uint32_t light_edges = maps_.max_edges - v.edges;
   const scene::Medium& medium = scene_.medium(v.medium);
-  const scene::Phase& phase = medium.phase();
+  const MediumScattering scattering(medium.phase(), v.wo);
   const MediumMerges& eta = maps_.factors.medium[v.medium];
   const BallKernel& ball = maps_.kernels[v.medium].ball;
   const bool photon_hazards = hazards_differ(eta, medium);
   Spectrum sum;
   maps_.points->near_point(v.medium, query_, [&](const Photon<MisBlock>& photon, float d2) {
     if (photon.edges > light_edges) return;
-    const float factor = phase.eval(v.wo, photon.wo) * ball.value(d2);
+    const float factor = scattering.value(photon.wo) * ball.value(d2);
     if (factor == 0) return;
     ++work_.merges.point_point;
-    const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, photon.wo));
+    const auto forward = static_cast<double>(scattering.pdf_solid_angle(photon.wo));
     const LightCopy light = light_copy(photon, static_cast<double>(v.arrival), photon_hazards, forward);
     const Spectrum more =
         photon.flux * (factor * static_cast<float>(weight_at(v, eta.point_point, light, photon.wo)));
@@ -140,7 +142,7 @@ Spectrum MediumGather::beams_at(const Vertex<MisBlock>& v, Spectrum& path_sum) {
   const scene::Medium& medium = scene_.medium(v.medium);
   if (!(eta.beam_point > 0) || !has_beams(medium)) return {};
   const std::uint32_t light_edges = maps_.max_edges - v.edges;
-  const scene::Phase& phase = medium.phase();
+  const MediumScattering scattering(medium.phase(), v.wo);
   const MediumKernels& kernels = maps_.kernels[v.medium];
   Spectrum sum;
   at_edge_.start();
@@ -150,10 +152,10 @@ Spectrum MediumGather::beams_at(const Vertex<MisBlock>& v, Spectrum& path_sum) {
         if (beam.medium != v.medium || beam.edges > light_edges) return;
         const Vec3 w = -beam.direction;
         const float factor =
-            phase.eval(v.wo, w) * kernels.beam_point.value(static_cast<float>(at.distance_squared));
+            scattering.value(w) * kernels.beam_point.value(static_cast<float>(at.distance_squared));
         if (factor == 0) return;
         ++work_.merges.beam_point;
-        const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, w));
+        const auto forward = static_cast<double>(scattering.pdf_solid_angle(w));
         const BeamStretch stretch =
             stretch_of(eta.long_photon_beams, medium, beam.throughput, maps_.beams->steps(beam), at.along);
         const LightCopy light = light_copy(beam, at.along, medium, stretch.survival, forward);
@@ -183,7 +185,7 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
           {segment.ray.origin, segment.ray.direction, beam_end(crossing, medium, eta.long_query_beams)}, 0)};
   if (!(query.length > 0)) return;
   const Vec3 wo = -query.direction;
-  const scene::Phase& phase = medium.phase();
+  const MediumScattering scattering(medium.phase(), wo);
   const bool photon_hazards = hazards_differ(eta, medium);
   // The eye's copy of a vertex at t.
   struct EyePlace {
@@ -203,7 +205,7 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
     const EdgeVertex v =
         vertex_on(start, place(query.origin, query.direction, eye.t), eye.hazard, eye.survival);
     own /= eye.hazard * eta.eye_survival(v.survival);
-    const auto reverse = static_cast<double>(phase.pdf_solid_angle(w, wo));
+    const auto reverse = static_cast<double>(scattering.pdf_reverse_solid_angle(w));
     const double sum_eye = BeamBalance::sum(eye_block(start, maps_.factors, v, eye.hazard), reverse, eta_);
     const double merges = eta.at(light.hazard, eye.hazard, sine_between(wo, w), light.survival, v.survival);
     return own / (merges + light.sum + sum_eye);
@@ -222,12 +224,12 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
         [&](const Photon<MisBlock>& photon, Projection at) {
           if (photon.medium() != segment.medium || photon.edges > light_edges) return;
           const float factor =
-              phase.eval(wo, photon.wo) * kernels.point_beam.value(static_cast<float>(at.distance_squared));
+              scattering.value(photon.wo) * kernels.point_beam.value(static_cast<float>(at.distance_squared));
           if (factor == 0) return;
           const EyePlace eye = eye_place(at.along);
           if (eye.scattered.is_black()) return;
           ++work_.merges.point_beam;
-          const auto forward = static_cast<double>(phase.pdf_solid_angle(wo, photon.wo));
+          const auto forward = static_cast<double>(scattering.pdf_solid_angle(photon.wo));
           const LightCopy light = light_copy(photon, eye.hazard, photon_hazards, forward);
           const Spectrum more = photon.flux * eye.scattered *
                                 (factor * static_cast<float>(weight(eta.point_beam, eye, light, photon.wo)));
@@ -245,14 +247,14 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
           if (beam.medium != segment.medium || beam.edges > light_edges) return;
           const Vec3 w = -beam.direction;
           const double factor =
-              static_cast<double>(phase.eval(wo, w) *
+              static_cast<double>(scattering.value(w) *
                                   kernels.beam_beam.value(static_cast<float>(at.distance * at.distance))) /
               at.sine;
           if (factor == 0) return;
           const EyePlace eye = eye_place(at.along_a);
           if (eye.scattered.is_black()) return;
           ++work_.merges.beam_beam;
-          const auto forward = static_cast<double>(phase.pdf_solid_angle(wo, w));
+          const auto forward = static_cast<double>(scattering.pdf_solid_angle(w));
           const BeamStretch stretch = stretch_of(eta.long_photon_beams, medium, beam.throughput,
                                                  maps_.beams->steps(beam), at.along_b);
           const LightCopy light = light_copy(beam, at.along_b, medium, stretch.survival, forward);

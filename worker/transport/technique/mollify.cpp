@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "worker/transport/scattering.h"
+
 namespace candela::transport {
 namespace {
 
@@ -11,13 +13,7 @@ constexpr Between kBetween = Between::media;
 }  // namespace
 
 scene::TurningLobes lobes_at(const ScatterPoint& v, float u_lobe, Vec2 u, TransportMode mode) {
-  scene::TurningLobes lobes = scene::turning_lobes(v.closure, v.hit.shading.to_local(v.wo), u_lobe, u, mode);
-  for (std::uint32_t i = 0; i < lobes.count; ++i) {
-    scene::TurningLobe& lobe = lobes.lobes[i];
-    lobe.wi = v.hit.shading.to_world(lobe.wi);
-    if (mode == TransportMode::importance) lobe.attenuation *= shading_correction(v.hit, v.wo, lobe.wi);
-  }
-  return lobes;
+  return SurfaceScattering(v.hit, v.closure, v.wo).delta_lobes(u_lobe, u, mode);
 }
 
 Spectrum lobes_towards(const scene::TurningLobes& lobes, Vec3 ng, Vec3d to, const Mollifier& mollifier) {

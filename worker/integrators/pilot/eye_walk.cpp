@@ -1,4 +1,4 @@
-#include "worker/integrators/pilot.h"
+#include "worker/integrators/pilot/eye_walk.h"
 
 #include "worker/estimators/eye_radiance.h"
 #include "worker/integrators/eye_samples.h"
