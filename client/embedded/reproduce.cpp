@@ -206,7 +206,7 @@ Result<int> render_here(Context& context, const ReproduceOptions& options, const
   render.quiet = options.quiet;
   render.resume = options.resume;
   render.fresh = options.fresh;
-  render.passing = !options.output;
+  if (!options.output) render.keep_as = kOutput;
   render.check = [&origin](const LoadedScene& scene) { return check_scene(scene, origin); };
   return run_render(context, render);
 }
