@@ -30,7 +30,19 @@ def commands(title):
     return [line for block in re.findall(r"^```\n(.*?)^```$", section(title), re.M | re.S) for line in block.splitlines()]
 
 
+def install_on(prefix):
+    """The installed programs and their modules, as another machine has them."""
+    shutil.rmtree(prefix, ignore_errors=True)
+    (prefix / "bin").mkdir(parents=True)
+    shutil.copy("/usr/bin/candela-worker", prefix / "bin")
+    shutil.copytree("/usr/lib/candela", prefix / "lib/candela")
+
+
 class Upgrade(OnAMachine):
+    def expect_registered(self, log, child):
+        self.assertTrue(eventually(lambda: "registered as" in log.read_text() or child.poll() is not None))
+        self.assertIsNone(child.poll(), log.read_text())
+
     def job(self, job):
         return json.loads(self.run_line(f"candela show {job} --json"))
 
@@ -38,7 +50,7 @@ class Upgrade(OnAMachine):
         """A worker of the programs in a folder, as the service of another machine has it: what it says, and its process."""
         log = self.scratch / f"{name}.log"
         with open(log, "wb") as out:
-            child = subprocess.Popen([programs / "candela-worker", "--master", "127.0.0.1:7070", "--cache", self.scratch / "second-cache",
+            child = subprocess.Popen([programs / "bin/candela-worker", "--master", "127.0.0.1:7070", "--cache", self.scratch / "second-cache",
                                       "--name", "second", "--threads", "1", "--token-file", "/var/lib/candela/token"],
                                      stdout=out, stderr=out, env=self.environment)
         self.staying.append(child)
@@ -59,9 +71,9 @@ class Upgrade(OnAMachine):
             self.run_line(line)
         self.environment.update(CANDELA_MASTER="127.0.0.1:7070", CANDELA_TOKEN_FILE="/var/lib/candela/token")
         second = self.scratch / "second"  # another machine has programs of its own
-        shutil.copytree("/usr/bin", second, ignore=lambda _, names: [n for n in names if not n.startswith("candela")])
+        install_on(second)
         log, child = self.second_machine(second, "second-before")
-        self.assertTrue(eventually(lambda: "registered as" in log.read_text() or child.poll() is not None), log.read_text())
+        self.expect_registered(log, child)
         job = self.run_line(f"candela submit {SCENE} {PICTURE} --iterations {ITERATIONS}").strip()
         before = eventually(lambda: self.job(job)["iterations"])
         self.assertEqual(self.job(job)["state"], "running", "the job ended before the upgrade: give it more iterations")
@@ -84,10 +96,8 @@ class Upgrade(OnAMachine):
             log, child = self.second_machine(second, "second-refused")
             child.wait(120)
         self.assertEqual([w["build_id"] for w in json.loads(self.run_line("candela workers --json"))["workers"] if w["state"] != "lost"], [new])
-        for name in ("candela-worker", "candela"):
-            shutil.copy(f"/usr/bin/{name}", second)
-        log, child = self.second_machine(second, "second-after")
-        self.assertTrue(eventually(lambda: "registered as" in log.read_text() or child.poll() is not None), log.read_text())
+        install_on(second)
+        self.expect_registered(*self.second_machine(second, "second-after"))
 
         self.run_line(f"candela watch {job} --quiet")
         for line in commands("Upgrade")[2:]:

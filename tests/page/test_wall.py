@@ -32,6 +32,8 @@ class Wall(PageTest):
         tab = self.browser.open(self.url + "/")
         cases = (SOURCE / "tests/page/order_cases.js").read_text()
         self.assertEqual(tab.run(f"(async () => ({cases})(await import('/order.js')))()"), [])
+        self.assertEqual(tab.run("(async () => { const {duration} = await import('/dom.js'); return [59, 3599, 86399, 8.6e7, 1.2e10, 1e14].map(duration); })()"),
+                         ["59 s", "59 min 59 s", "23 h 59 min", "995 d 8 h", "380 years", "> 999 years"])
         tab.wait("document.querySelector('tr.job') && /^\\d+ of \\d+$/.test(document.querySelectorAll('.throughput b')[1].textContent)")
         self.assertEqual(tab.run("document.querySelectorAll('.throughput svg[role=img][aria-label]').length"), 3)
         self.assertTrue(eventually(lambda: self.status(job)["state"] == "done"))
