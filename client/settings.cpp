@@ -448,10 +448,8 @@ Result<std::uint64_t> scene_memory_bytes(const SceneOptions& options) {
       .with_field(options.scene_memory ? "--scene-memory" : config.origin(key));
 }
 
-Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts& facts,
-                               bundle::FileHashes* hashes) {
-  // A bad option is told at once, not after a scene of gigabytes was hashed.
-  CANDELA_ASSIGN(const auto parameters, parse_assignments(options.defines, "-D"));
+Result<void> check_options(const SceneOptions& options) {
+  CANDELA_TRY(parse_assignments(options.defines, "-D"));
   CANDELA_TRY(parse_assignments(options.sets, "--set"));
   CANDELA_TRY(parse_stop(options));
   CANDELA_TRY(parse_exact_indices(options));
@@ -464,6 +462,15 @@ Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts&
   if (options.size) CANDELA_TRY(parse_size(*options.size, "--size"));
   if (options.crop) CANDELA_TRY(parse_crop(*options.crop, "--crop"));
   if (options.seed) CANDELA_TRY(parse_count(*options.seed, "--seed", 0, UINT64_MAX));
+  CANDELA_TRY(scene_memory_bytes(options));
+  return {};
+}
+
+Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts& facts,
+                               bundle::FileHashes* hashes) {
+  // A bad option is told at once, not after a scene of gigabytes was hashed.
+  CANDELA_TRY(check_options(options));
+  CANDELA_ASSIGN(const auto parameters, parse_assignments(options.defines, "-D"));
   CANDELA_ASSIGN(const std::uint64_t memory, scene_memory_bytes(options));
   CANDELA_ASSIGN(bundle::GatheredScene gathered,
                  bundle::gather(options.scene, parameters, options.reading(), memory, hashes));

@@ -99,6 +99,8 @@ struct LoadedScene {
   std::uint64_t memory_bytes = 0;  // that reading it may take; 0: the default
   std::string path = {};           // of the scene file, as typed
 };
+// Fails on an option that is wrong whatever the scene is, and on a configuration that cannot be read.
+Result<void> check_options(const SceneOptions& options);
 // `hashes`: of other scenes that share files; null: there are none.
 Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts& facts,
                                bundle::FileHashes* hashes = nullptr);

@@ -226,6 +226,7 @@ Result<int> submit_frames(Context& context, const SubmitOptions& options, Submis
           .with_mend("put {frame} into the name, such as out.{frame:4}.exr");
   if (options.denoise) CANDELA_TRY(denoiser_of(options));
   CANDELA_ASSIGN(const SceneOptions first, scene_of_frame(options.scene, frames.front()));
+  CANDELA_TRY(check_options(first));  // what is wrong with them is no frame's
   const std::string pattern = options.name.value_or(scene_name(first.scene));
   std::string group_name = group_name_of(pattern);
   if (group_name.empty()) group_name = scene_name(first.scene);
@@ -290,6 +291,10 @@ Result<int> submit_frames(Context& context, const SubmitOptions& options, Submis
                         options.quiet,
                         options.denoise})
           : Result<int>(0);
+  if (!fetched.ok())
+    ended.front().error = fetched.error().to_string();
+  else if (*fetched != 0)
+    ended.front().error = "not all images were written";
   const int on_end = run_on_end(context, options.on_end.value_or(""), ended);
   if (!fetched.ok()) return fetched.error();
   return code != 0 ? code : *fetched != 0 ? *fetched : on_end;

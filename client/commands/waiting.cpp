@@ -68,7 +68,9 @@ Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& 
     return {};
   };
   const Result<void> fetched = wants_image && last.units_merged() > 0 ? fetch() : Result<void>();
-  const int on_end = run_on_end(context, options.on_end, {ended_job(last)});
+  EndedJob ended = ended_job(last);
+  if (!fetched) ended.error = fetched.error().to_string();
+  const int on_end = run_on_end(context, options.on_end, {ended});
   CANDELA_TRY(fetched);
   if (last.state() != v1::JOB_STATE_DONE) {
     std::string message = fmt::format("job {} is {}", id, wire::name(last.state()));

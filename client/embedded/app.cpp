@@ -160,7 +160,8 @@ Result<void> check_text(const CLI::App& command) {
 std::unique_ptr<CLI::App> make_parser(Context& context) {
   auto app = std::make_unique<CLI::App>(
       "Candela renders scenes by physically based light transport, here or on a farm", "candela");
-  app->set_version_flag("--version", fmt::format("candela {}", version()), "Print the version");
+  app->set_version_flag("--version", fmt::format("candela {} (build {})", version(), build_id()),
+                        "Print the version and the build");
   app->set_help_flag("-h,--help", "Print help");
   app->require_subcommand(0, 1);
   const std::string integrators = fmt::format("{}", join(context.facts.integrator_names(), ", "));

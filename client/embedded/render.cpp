@@ -188,8 +188,8 @@ bool meets_a_limit(const v1::JobStatus& status) {
          (stop.relmse() != 0 && status.relmse_upper() > 0 && status.relmse_upper() <= stop.relmse());
 }
 
-// The command that goes on with this render.
-std::string resume_command(const Context& context) {
+// "go on with: COMMAND", or, if nothing of the render stays, how to keep the next one.
+std::string how_to_go_on(const Context& context, const RenderOptions& options) {
   std::string command;
   bool resume = false;
   for (const std::string& word : context.arguments) {
@@ -197,7 +197,9 @@ std::string resume_command(const Context& context) {
     resume = resume || word == "--resume";
     command += (command.empty() ? "" : " ") + shell_quote(word);
   }
-  return resume ? command : command + " --resume";
+  if (!options.keep_as.empty())
+    return fmt::format("nothing is kept without -o; start anew with: {} -o {}", command, options.keep_as);
+  return fmt::format("go on with: {}{}", command, resume ? "" : " --resume");
 }
 
 // A failed job's message has come through the farm as text. The renderer here says the same with its kind,
@@ -340,8 +342,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
       Error error = std::move(written).error();
       error.kind = ErrorKind::resource;  // the output was fit to be written before
       if (last.state() == v1::JOB_STATE_FAILED) return error;
-      return std::move(error).with_mend(
-          fmt::format("make room, then go on with: {}", resume_command(context)));
+      return std::move(error).with_mend(fmt::format("make room, then {}", how_to_go_on(context, options)));
     }
   }
   // The image is whole, whatever became of the last checkpoint.
@@ -357,12 +358,12 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   if (!has_ended(last) && lost) return *lost;
   if (!has_ended(last) && stall.over())
     return resource_error(printable(last.message()))
-        .with_mend(fmt::format("mend that, then go on with: {}", resume_command(context)));
+        .with_mend(fmt::format("mend that, then {}", how_to_go_on(context, options)));
   if (!has_ended(last)) {
-    context.err << fmt::format("candela: stopped{}\ncandela: go on with: {}\n",
-                               last.units_merged() > 0 ? "; wrote " + summary(last, image)
-                                                       : std::string(" before the first iteration"),
-                               resume_command(context));
+    const std::string how_far = last.units_merged() == 0   ? " before the first iteration"
+                                : !options.keep_as.empty() ? ""
+                                                           : "; wrote " + summary(last, image);
+    context.err << fmt::format("candela: stopped{}\ncandela: {}\n", how_far, how_to_go_on(context, options));
     return 128 + signals.pending();
   }
   // A failed render cannot go on; a finished one need not.
@@ -375,7 +376,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   if (last.state() != v1::JOB_STATE_DONE) return diagnose(last, scene, options, threads.front());
   if (const std::string note = png_note(output); !note.empty() && !options.quiet)
     context.err << "candela: note: " << note << '\n';
-  if (!options.quiet && !options.page_stay && !options.passing)
+  if (!options.quiet && !options.page_stay && options.keep_as.empty())
     context.err << "candela: wrote " << summary(last, image) << '\n';
   return 0;
 }

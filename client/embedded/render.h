@@ -17,7 +17,9 @@ struct RenderOptions {
   std::optional<std::string> png, page, threads, workers, texture_memory, estimator, half;
   bool resume = false, fresh = false, keep_state = false, quiet = false, json = false, error_layer = false,
        variance_layer = false, chain_layers = false, layers = false, page_stay = false, denoise = false;
-  bool passing = false;  // the output is not for the user, who is not told of it
+  // Not empty: the output goes when the command ends. The user is not told of it, and, if the render is
+  // stopped, is told to keep the next one by -o and this name.
+  std::string keep_as = {};
   std::function<Result<void>(const LoadedScene&)> check = {};  // before anything is rendered
 };
 

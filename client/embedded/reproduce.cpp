@@ -53,6 +53,8 @@ Result<Origin> read_origin(const ReproduceOptions& options) {
   if (!origin.texts.contains("candela:build_id")) return no("this is no image of Candela, or it was edited");
   if (const std::string taint = origin.text("run:taint"); !taint.empty())
     return no("the image cannot be made again: " + printable(taint));
+  if (const std::string builds = origin.text("run:builds"); !builds.empty())
+    return no("the image cannot be made again: it has samples of several builds: " + printable(builds));
   if (!origin.texts.contains("candela:indices_a"))
     return no(fmt::format("an image of version {} does not say which samples it has",
                           printable(origin.text("version"))))
@@ -204,7 +206,7 @@ Result<int> render_here(Context& context, const ReproduceOptions& options, const
   render.quiet = options.quiet;
   render.resume = options.resume;
   render.fresh = options.fresh;
-  render.passing = !options.output;
+  if (!options.output) render.keep_as = kOutput;
   render.check = [&origin](const LoadedScene& scene) { return check_scene(scene, origin); };
   return run_render(context, render);
 }

@@ -83,17 +83,10 @@ Result<Config> Config::load() {
   }
 
   Config config;
-  for (const auto& path : files) {
-    std::error_code code;
-    if (only.empty() && !std::filesystem::exists(path, code)) continue;
-    auto text = read_file(path, kFileLimitBytes);
-    if (!text) {
-      Error error = text.error();
-      if (!only.empty()) error.field = "$CANDELA_CONFIG";
-      return error;
-    }
+  const auto read = [&config](const std::filesystem::path& path) -> Result<void> {
+    CANDELA_ASSIGN(const std::string text, read_file(path, kFileLimitBytes));
     const std::string file = path.string();
-    CANDELA_ASSIGN(const toml::table parsed, parse_toml(*text, file));
+    CANDELA_ASSIGN(const toml::table parsed, parse_toml(text, file));
     for (const auto& [name, node] : parsed) {
       const std::string key(name.str());
       if (const toml::table* section = node.as_table()) {
@@ -106,6 +99,16 @@ Result<Config> Config::load() {
         CANDELA_ASSIGN(std::string value, scalar_text(node, key, file));
         config.entries_[key] = {std::move(value), fmt::format("{}:{}", file, line_of(node))};
       }
+    }
+    return {};
+  };
+  for (const auto& path : files) {
+    std::error_code code;
+    if (only.empty() && !std::filesystem::exists(path, code)) continue;
+    if (auto done = read(path); !done.ok()) {
+      Error error = std::move(done).error();
+      if (!only.empty()) error.field = "$CANDELA_CONFIG";
+      return error;
     }
   }
   return config;

@@ -13,9 +13,10 @@ namespace candela {
 
 class Config {
  public:
-  // Reads the files that exist ($XDG_CONFIG_HOME is honored; $CANDELA_CONFIG replaces both and must exist).
-  // A file that does not parse, and a value that is no string, number or boolean, is an input error with its
-  // line. Keys are "section.key" or "key"; TOML's nesting deeper than one section is refused.
+  // Reads the files that exist ($XDG_CONFIG_HOME is honored; $CANDELA_CONFIG replaces both and must exist;
+  // errors then have the variable as their field). A file that does not parse, and a value that is no string,
+  // number or boolean, is an input error with its line. Keys are "section.key" or "key"; TOML's nesting
+  // deeper than one section is refused.
   static Result<Config> load();
   // Environment CANDELA_<NAME> (dots and dashes become underscores, upper case; empty counts as unset), else
   // the files. Where the value came from is told by origin() for error messages.

@@ -99,6 +99,11 @@ void describe_set(const JobRow& row, const film::MergedFilm& film, const ImagePa
     for (const Taint& taint : row.audit.taints) all += (all.empty() ? "" : "; ") + taint_text(taint);
     return;
   }
+  if (row.builds.size() > 1) {
+    std::string& all = m["candela:run:builds"];
+    for (const std::string& build : row.builds) all += (all.empty() ? "" : ", ") + build;
+    return;
+  }
   if (!film::check_indices(sets).ok() || (row.scene_path.empty() && main_path.empty())) return;
   RenderCommand command{row.scene_path.empty() ? main_path : row.scene_path,
                         parameters,
@@ -183,7 +188,8 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
         parts.estimator.empty() ? std::string(default_estimator(*row.development)) : parts.estimator;
   m["candela:plan"] = row.plan;
   m["candela:version"] = std::string(version());
-  m["candela:build_id"] = std::string(build_id());
+  m["candela:build_id"] =
+      row.builds.empty() || row.builds.back() == kUnknownBuild ? std::string(build_id()) : row.builds.back();
   if (!row.scene_path.empty()) m["candela:scene"] = row.scene_path;
   SettingsMap parameters;
   std::string main_path;

@@ -1,6 +1,7 @@
 // Options come from the command line, else the environment, else the configuration files' [master] section.
 #include "master/program/run_master.h"
 
+#include <fmt/format.h>
 #include <malloc.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -203,7 +204,7 @@ int run_master(int argc, char** argv, const SchedulerObserver& observer) {
   wire::configure_grpc();
   Texts texts;
   CLI::App app{"The master of a Candela farm: keeps jobs, leases work to workers, merges what they render."};
-  app.set_version_flag("--version", "candela-master " + std::string(build_id()));
+  app.set_version_flag("--version", fmt::format("candela-master {} (build {})", version(), build_id()));
   app.add_option("--listen", texts.listen, "address to serve on; port 0 picks one (default 127.0.0.1:7070)")
       ->type_name("HOST:PORT");
   app.add_option("--data", texts.data, "folder of jobs, films and scene files")->type_name("DIR");

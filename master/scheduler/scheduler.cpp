@@ -395,6 +395,7 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   job->row.chains = result.work.chains;
   job->row.pilot_scale_log2 = result.state.film_scale_log2;
   job->row.decided = result.state.decided;
+  note_build(*job, now);
   // The film has its scale.
   if (!std::exchange(job->row.pilot_outdated, false) && !result.work.chains)
     job->row.named_state = NamedState{result.state.film_scale_log2, result.state.bootstrap_b};
@@ -534,6 +535,7 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
   j.iterations += unit.end - unit.begin;
   j.tallies.add(tallies);
   j.worker_seconds += render_seconds;
+  note_build(*job, now);
   if (const auto w = workers_.find(worker_id); w != workers_.end()) {
     w->second.row.units_merged += 1;
     note_success(*job, w->second, now);

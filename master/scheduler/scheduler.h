@@ -394,6 +394,8 @@ class Scheduler {
   void note_cost(Job& job, const WorkerState& worker, const Unit& unit, double render_seconds);
 
   // scheduler_progress.cpp
+  // That this build has made a part of the job.
+  void note_build(Job& job, Now now);
   void note_steps(Lease& lease, const UnitReport& report, Now now);
   void give_up_stuck(Now now);
   void give_up_stuck(std::uint64_t token, Now now);

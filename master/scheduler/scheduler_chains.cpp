@@ -42,6 +42,7 @@ Result<bool> Scheduler::complete_bootstrap(const std::string& worker_id, std::ui
   changes_.emplace_back(PutBootstrap{{job->row.id, unit.begin, std::move(contributions), rejected}});
   for (std::size_t i = 0; i < rejected.size(); ++i) job->row.bootstrap_rejected[i] += rejected[i];
   job->row.worker_seconds += render_seconds;
+  note_build(*job, now);
   note_cost(*job, worker, unit, render_seconds);
   last_activity_ = now.seconds;
   if (job->source->table()->complete())

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/version.h"
 #include "master/scheduler/scheduler.h"
 
 namespace candela::master {
@@ -26,6 +27,17 @@ std::string time_text(double seconds) {
 }
 
 }  // namespace
+
+// Workers and deltas of another build are refused, so that all work is of the master's own.
+void Scheduler::note_build(Job& job, Now now) {
+  std::vector<std::string>& builds = job.row.builds;
+  if (std::find(builds.begin(), builds.end(), build_id()) != builds.end()) return;
+  if (!builds.empty())
+    event(now, job.row.id, "", "build",
+          fmt::format("goes on with build {}; it has work of build {}", build_id(), builds.back()));
+  builds.emplace_back(build_id());
+  save(job, now);
+}
 
 void Scheduler::note_steps(Lease& lease, const UnitReport& report, Now now) {
   if (lease.phase != report.phase || lease.steps != report.steps) lease.stepped = now.seconds;

@@ -122,6 +122,7 @@ void columns(auto& row, Of<JobRow> auto& j, Of<JobCells> auto& cells) {
   row("frame", cells.frame.frame);
   row("frames", cells.frame.frames);
   row("depends", Parts{j.depends, ','});
+  row("builds", Parts{j.builds, ','});
 }
 
 void columns(auto& row, Of<UnitRow> auto& u) {

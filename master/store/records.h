@@ -53,6 +53,9 @@ struct FrameRow {
   bool operator==(const FrameRow&) const = default;
 };
 
+// In the place of the id of a build that was not kept.
+inline constexpr const char* kUnknownBuild = "?";
+
 struct JobRow {
   std::string id, name, bundle_sha256;
   std::string submitter;  // user@host, or the name of a certificate; empty: unknown
@@ -71,6 +74,7 @@ struct JobRow {
   std::optional<NamedState> named_state;  // without `decided`
   std::string decided;                    // what the pilot decided, of all units' states
   bool pilot_outdated = false;            // the pilot was of a build that kept nothing of what it decided
+  std::vector<std::string> builds;        // whose pilot, bootstrap and units it has, in their order
   std::string plan;
   std::vector<film::AccumulatorSpec> accumulators;  // beside the film; valid (film::validate)
   std::optional<EpochPlan> epochs;

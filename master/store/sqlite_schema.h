@@ -8,8 +8,8 @@ namespace candela::master {
 // epochs and accumulators. 6: jobs that wait for their removal, statistics that were rejected, repeated
 // merges. 7: walks that were ended by a bound. 8: workers that are paused. 9: submitters. 10: audits. 11:
 // exact indices as stop rules, paths of scenes. 12: what pilots decided. 13: groups of frames, jobs that wait
-// for others.
-inline constexpr int kSchemaVersion = 13;
+// for others. 14: builds of jobs.
+inline constexpr int kSchemaVersion = 14;
 
 inline constexpr const char* kSchema = R"sql(
 CREATE TABLE counters (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -41,7 +41,8 @@ CREATE TABLE jobs (
   stop_indices BLOB NOT NULL DEFAULT x'', scene_path TEXT NOT NULL DEFAULT '',
   decided BLOB NOT NULL DEFAULT x'', pilot_form INTEGER NOT NULL DEFAULT 0,
   group_id TEXT NOT NULL DEFAULT '', group_name TEXT NOT NULL DEFAULT '', frame INTEGER NOT NULL DEFAULT 0,
-  frames INTEGER NOT NULL DEFAULT 0, depends TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
+  frames INTEGER NOT NULL DEFAULT 0, depends TEXT NOT NULL DEFAULT '',
+  builds TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
 CREATE TABLE units (
   id INTEGER PRIMARY KEY, job TEXT NOT NULL, kind INTEGER NOT NULL, half INTEGER NOT NULL,
   first INTEGER NOT NULL, last INTEGER NOT NULL, state INTEGER NOT NULL, failures INTEGER NOT NULL,
@@ -139,6 +140,11 @@ ALTER TABLE jobs ADD COLUMN group_name TEXT NOT NULL DEFAULT '';
 ALTER TABLE jobs ADD COLUMN frame INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN frames INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN depends TEXT NOT NULL DEFAULT '';
+)sql";
+// From version 13: whose work a job has was not kept (kUnknownBuild).
+inline constexpr const char* kFromVersion13 = R"sql(
+ALTER TABLE jobs ADD COLUMN builds TEXT NOT NULL DEFAULT '';
+UPDATE jobs SET builds = '?,' WHERE film_scale_log2 IS NOT NULL;
 )sql";
 inline constexpr const char* kDistrustTable = R"sql(
 CREATE TABLE distrusted (

@@ -112,6 +112,7 @@ Result<Manifest> parse_manifest(std::string_view bytes) {
   row.elapsed_seconds = m.elapsed_seconds();
   row.submitter = m.submitter();
   row.scene_path = m.scene_path();
+  if (row.named_state) row.builds = {kUnknownBuild};
   if (m.has_frame())
     row.frame = FrameRow{m.frame().group_id(), m.frame().group_name(), m.frame().frame(), m.frame().frames()};
   return out;

@@ -31,7 +31,7 @@ WITHIN = {
     "scancel --batch --signal=TERM JOB_TASK": ("tests/slurm/test_slurm.py", '"scancel", "--batch", "--signal=TERM"'),
     "sbatch": ("tests/slurm/test_slurm.py", '"sbatch"'),
     "kubectl apply -k deploy/kubernetes": ("tests/deploy/test_manifests.py", "kustomize"),
-    "ssh -L 9090:127.0.0.1:9090 HOST": ("tests/page/test_page.py", "127.0.0.1"),  # ssh's own; what it forwards is the page
+    "ssh -L 9090:127.0.0.1:9090 HOST": ("tests/page/page_farm.py", "127.0.0.1"),  # ssh's own; what it forwards is the page
 }
 PROGRAM = re.compile(r"(candela|candela-master|candela-worker|ctest|scancel|sbatch|kubectl|ssh|systemctl|curl|openssl)( (?!-?-?$)|$)")
 

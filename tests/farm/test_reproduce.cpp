@@ -2,10 +2,13 @@
 // farm, after any end of a job and after deaths.
 #include <gtest/gtest.h>
 
+#include <csignal>
+#include <filesystem>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "common/base/files.h"
 #include "common/film/index_text.h"
 #include "common/image/bits.h"
 #include "tests/farm/farm.h"
@@ -166,6 +169,54 @@ TEST(Reproduce, AfterDeaths) {
   EXPECT_EQ(*again->wait(0), 0) << again->out() << again->err();
   EXPECT_EQ(again->out().substr(0, 7), "equal: ") << again->out();
   EXPECT_EQ(indices_of(fetch(farm, second, "second.exr")), indices_of(file));
+}
+
+// Claim: Ctrl-C during `reproduce --run` tells a command that goes on. Without -o nothing is kept, and the
+// command starts a run that can go on.
+TEST(Reproduce, StoppedRunTellsHowToGoOn) {
+  Farm farm;
+  const std::string file = farm.folder() / "out.exr";
+  ASSERT_EQ(
+      farm.candela({"render", scene_path("cornell"), "-o", file, "--size", "16x12", "--iterations", "2"})
+          .exit_code,
+      0);
+  // The same image that claims to have more samples than anybody renders.
+  const auto image = image::read_image(file);
+  auto texts = image::read_texts(file);
+  ASSERT_TRUE(image.ok() && texts.ok());
+  std::erase_if(*texts, [](const auto& entry) { return !entry.first.starts_with("candela:"); });
+  std::string& command = texts->at("candela:reproduce");
+  const std::size_t at = command.find("--indices 0/0");
+  ASSERT_NE(at, std::string::npos) << command;
+  command.replace(at, std::string("--indices 0/0").size(), "--indices 0-99999999/0-99999999");
+  const auto bytes = image::encode_exr(image->width, image->height, image->rgb, *texts);
+  ASSERT_TRUE(bytes.ok()) << bytes.error().to_string();
+  ASSERT_TRUE(write_file_atomically(file, *bytes).ok());
+
+  const std::string again = farm.folder() / "again.exr";
+  for (const bool kept : {false, true}) {
+    std::vector<std::string> run{"reproduce", file, "--run", "--threads", "1"};
+    if (kept) run.insert(run.end(), {"-o", again});
+    const auto process = farm.start_candela(run, kept ? "kept" : "passing");
+    ASSERT_TRUE(eventually(kPatienceSeconds, [&] {
+      return !process->running() || process->err().find("spp/s") != std::string::npos;
+    }));
+    process->signal(SIGINT);
+    EXPECT_EQ(process->wait(kPatienceSeconds).value_or(-1), 128 + SIGINT) << process->err();
+    const std::string told = process->err();
+    if (kept) {
+      EXPECT_NE(told.find("go on with: "), std::string::npos) << told;
+      EXPECT_NE(told.find("-o " + again + " --resume\n"), std::string::npos) << told;
+      EXPECT_TRUE(std::filesystem::exists(again + ".candela"));
+    } else {
+      EXPECT_NE(told.find("candela: stopped\ncandela: nothing is kept without -o; start anew with: "),
+                std::string::npos)
+          << told;
+      EXPECT_NE(told.find(" --run --threads 1 -o reproduced.exr\n"), std::string::npos) << told;
+      EXPECT_EQ(told.find("--resume"), std::string::npos) << told;
+      EXPECT_EQ(told.find("wrote"), std::string::npos) << told;
+    }
+  }
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // Claims about the order, the filters and the address of the list of jobs: an expression that tells what is wrong, given the
-// module order.js. test_order.py runs it in Node, test_page.py in the browser.
+// module order.js. test_order.py runs it in Node, test_wall.py in the browser.
 (order) => {
   const wrong = [];
   const equal = (what, got, wanted) => { if (JSON.stringify(got) !== JSON.stringify(wanted)) wrong.push(`${what}: ${JSON.stringify(got)}, not ${JSON.stringify(wanted)}`); };

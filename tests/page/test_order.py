@@ -1,5 +1,5 @@
 """The order and the filters of the list of jobs, in Node without a browser. Skips, with a reason, where Node is not installed;
-test_page.py runs the same cases in its browser."""
+test_wall.py runs the same cases in its browser."""
 import os
 import shutil
 import subprocess

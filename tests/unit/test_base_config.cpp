@@ -94,6 +94,22 @@ TEST_F(ConfigTest, ExplicitFileReplacesAndMustExist) {
   EXPECT_NE(absent.error().to_string().find("absent.toml"), std::string::npos);
 }
 
+// Claim: whatever is wrong with the file of $CANDELA_CONFIG, the error names the file, the line if there is
+// one, and the variable.
+TEST_F(ConfigTest, ErrorsOfAnExplicitFileNameTheVariable) {
+  const auto error_of = [&](const std::string& file) {
+    ::setenv("CANDELA_CONFIG", file.c_str(), 1);
+    const auto config = Config::load();
+    return config.ok() ? std::string() : config.error().to_string();
+  };
+  EXPECT_EQ(error_of(folder_.string()), folder_.string() + ": $CANDELA_CONFIG: not a regular file");
+  const std::string torn = write("torn.toml", "[client\n");
+  EXPECT_TRUE(error_of(torn).starts_with(torn + ":1: $CANDELA_CONFIG: ")) << error_of(torn);
+  const std::string list = write("list.toml", "[client]\ntimeout = [1]\n");
+  EXPECT_TRUE(error_of(list).starts_with(list + ":2: $CANDELA_CONFIG: 'client.timeout' must be"))
+      << error_of(list);
+}
+
 // Claim: bad TOML, values of unusable type and too deep nesting are input errors with file and line, in one
 // line.
 TEST_F(ConfigTest, BadFilesNameTheirLine) {

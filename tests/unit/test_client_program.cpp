@@ -11,7 +11,6 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "client/commands/on_end.h"
 #include "client/embedded/app.h"
 #include "client/embedded/commands.h"
 #include "client/embedded/local_farm.h"
@@ -32,31 +31,6 @@ Outcome run(std::vector<std::string> arguments) {
   std::ostringstream out, err;
   const int code = run_program(arguments, out, err);
   return {code, out.str(), err.str()};
-}
-
-// Claim: the command of --on-end runs once for each job that has ended and knows its id, name and state,
-// whatever characters the name has; a failure is told with its exit code, and the others still run.
-TEST(OnEnd, RunsForEachJobAndTellsFailures) {
-  const test::TemporaryFolder folder;
-  const std::string file = (folder.path() / "told").string();
-  std::ostringstream out, err;
-  Context context{out, err, {}, {}, {}};
-  const std::vector<EndedJob> ended = {{"j1", "a 'b' $(c)", "done"}, {"g2", "shot", "failed"}};
-  EXPECT_EQ(run_on_end(context, "", ended), 0);
-  const std::string tell =
-      "printf '%s|%s|%s\\n' \"$CANDELA_JOB_ID\" \"$CANDELA_JOB_NAME\" "
-      "\"$CANDELA_JOB_STATE\" >>" +
-      file;
-  EXPECT_EQ(run_on_end(context, tell, ended), 0);
-  EXPECT_EQ(err.str(), "");
-  std::ifstream told(file);
-  EXPECT_EQ(std::string(std::istreambuf_iterator<char>(told), {}), "j1|a 'b' $(c)|done\ng2|shot|failed\n");
-  EXPECT_EQ(run_on_end(context, "test $CANDELA_JOB_STATE = failed || exit 3", ended), 1);
-  EXPECT_NE(err.str().find("j1"), std::string::npos);
-  EXPECT_NE(err.str().find("exit code 3"), std::string::npos) << err.str();
-  EXPECT_EQ(err.str().find("g2"), std::string::npos) << err.str();
-  EXPECT_EQ(run_on_end(context, "kill -9 $$", {ended[0]}), 1);
-  EXPECT_NE(err.str().find("signal 9"), std::string::npos) << err.str();
 }
 
 v1::JobStatus running_job() {
@@ -264,6 +238,8 @@ TEST(Program, BadUsageIsOneLineAndCodeTwo) {
       {{"submit", "s.{frame}.xml"}, "--frames: {frame} needs the frames"},
       {{"submit", "s.{frame}.xml", "--frames", "1-2", "--wait", "-o", "x.exr"},
        "--output: all frames would be written to one file"},
+      {{"submit", "s.{frame}.xml", "--frames", "1-2", "--spp", "x"}, "error: --spp: 'x' is not"},
+      {{"watch", "j1", "--on-end", " "}, "--on-end: the command is empty"},
       {{"priority", "j1"}, "a job and its new priority are needed"},
       {{"help", "vcmm"}, "there is no command or integrator 'vcmm' (did you mean 'vcm'?)"},
       {{"render", "-o", out}, "scene"},

@@ -205,6 +205,8 @@ TEST_F(ReproduceTest, RefusesWhatItCannotMake) {
   refused(with_texts(file, {{"build_id", ""}}), "no image of Candela");
   refused(with_texts(file, {{"indices_a", ""}, {"reproduce", ""}}), "does not say which samples it has");
   refused(with_texts(file, {{"run:taint", "worker x is distrusted"}}), "worker x is distrusted");
+  refused(with_texts(file, {{"run:builds", "0.1.0-1, 0.1.0-2"}}),
+          "samples of several builds: 0.1.0-1, 0.1.0-2");
   refused(with_texts(file, {{"reproduce", ""}}), "tells of no command");
   refused(with_texts(file, {{"reproduce", "candela render s.xml --size 4x4 --indices 0/0 --page :1"}}),
           "candela:reproduce cannot be used");

@@ -195,9 +195,10 @@ TEST(StoreVersions, EarlierOnesBecomeThePresentOne) {
   }
 }
 
-// Of all that version 13 brought; of that and of all that version 12 did; of these and of all that version 11
-// did; of all that version 10 did. Preconditions: the store is the present one.
+// Of all that versions 13 and 14 brought; of that and of all that version 12 did; of these and of all that
+// version 11 did; of all that version 10 did. Preconditions: the store is the present one.
 #define CANDELA_WITHOUT_GROUPS                                                       \
+  "ALTER TABLE jobs DROP COLUMN builds; "                                            \
   "ALTER TABLE jobs DROP COLUMN group_id; ALTER TABLE jobs DROP COLUMN group_name; " \
   "ALTER TABLE jobs DROP COLUMN frame; ALTER TABLE jobs DROP COLUMN frames; "        \
   "ALTER TABLE jobs DROP COLUMN depends; "
@@ -578,6 +579,36 @@ TEST(StoreVersions, TheTwelfthLearnsGroups) {
     j.frame = FrameRow{"gabc", "a shot", -7, 240};
     j.depends = {"jone", "gtwo"};
     ASSERT_TRUE(store.write(std::vector<Change>{PutJob{j}}).ok());
+  });
+}
+
+// Claim: a store of version 13, which did not keep whose work a job has, becomes the present one; a job that
+// had work is of a build that is not known, one without work of none, and then builds are kept.
+TEST(StoreVersions, TheThirteenthLearnsBuilds) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "version13.sqlite";
+  JobRow begun;
+  begun.id = "j1";
+  begun.bundle_sha256 = "hash";
+  begun.settings.width = 30;
+  begun.settings.height = 20;
+  begun.named_state = NamedState{3};
+  JobRow queued = begun;
+  queued.id = "j2";
+  queued.named_state.reset();
+  {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok());
+    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{begun}, PutJob{queued}}).ok());
+  }
+  const std::set<std::string> present = Database(path).shape();
+  Database(path).execute("ALTER TABLE jobs DROP COLUMN builds; PRAGMA user_version=13");
+  begun.builds = {kUnknownBuild};
+  expect_present(path, present, [&](Store& store, const StoredState& state) {
+    EXPECT_EQ(state.jobs.at(0).builds, begun.builds);
+    EXPECT_EQ(state.jobs.at(1).builds, queued.builds);
+    begun.builds = queued.builds = {"0.1.0-a", "0.1.0-b"};
+    ASSERT_TRUE(store.write(std::vector<Change>{PutJob{begun}, PutJob{queued}}).ok());
   });
 }
 

@@ -143,7 +143,7 @@ int run_worker(int argc, char** argv) {
   wire::configure_grpc();
   Texts texts;
   CLI::App app("A render worker: leases units of work from a master, renders them and delivers the results.");
-  app.set_version_flag("--version", std::string(version()) + " (build " + std::string(build_id()) + ")");
+  app.set_version_flag("--version", fmt::format("candela-worker {} (build {})", version(), build_id()));
   app.add_option("--master", texts.master, "The master's HOST:PORT; default: $CANDELA_MASTER");
   app.add_option("--cache", texts.cache, "Folder for scene files; default: ~/.cache/candela")
       ->type_name("DIR");

@@ -44,7 +44,9 @@ export function duration(s) {
   if (s < 60) return Math.round(s) + ' s';
   if (s < 3600) return Math.floor(s / 60) + ' min ' + Math.floor(s % 60) + ' s';
   if (s < 86400) return Math.floor(s / 3600) + ' h ' + Math.floor((s % 3600) / 60) + ' min';
-  return Math.floor(s / 86400) + ' d ' + Math.floor((s % 86400) / 3600) + ' h';
+  if (s < 1000 * 86400) return Math.floor(s / 86400) + ' d ' + Math.floor((s % 86400) / 3600) + ' h';
+  const years = s / (365.25 * 86400);  // of a limit that will not be met
+  return years < 1000 ? years.toPrecision(3) + ' years' : '> 999 years';
 }
 
 export function small(v) {

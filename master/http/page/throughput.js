@@ -1,10 +1,10 @@
 // Charts of the farm's day: samples a second, busy workers, hours in the queue.
-import {count, figure, h, put} from './dom.js';
+import {count, duration, figure, h, put} from './dom.js';
 
 const kWidth = 240, kHeight = 32, kDay = 86400e3, kLeast = 1800e3;
 const kPoints = 240;  // a chart has at most so many: each is the mean of its part of the day
 
-const hours = (s) => (s === null ? 'no worker' : s < 60 ? '0 min' : s < 3600 ? Math.round(s / 60) + ' min' : (s / 3600).toPrecision(s < 36000 ? 2 : 3) + ' h');
+const hours = (s) => (s === null ? 'no worker' : s < 60 ? '0 min' : s < 3600 ? Math.round(s / 60) + ' min' : s < 3600 * 999.5 ? (s / 3600).toPrecision(s < 36000 ? 2 : 3) + ' h' : duration(s));
 // A point is [unix_ms, samples_per_second, busy, workers, queue_seconds, endless].
 const kSeries = [
   {label: 'Samples/s', value: (p) => p[1], text: (p) => count(p[1])},
