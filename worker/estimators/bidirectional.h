@@ -63,7 +63,8 @@ struct EditedSubpaths {
 template <class Sink>
 concept RecordsPaths = Sink::kRecordsPaths;
 
-// Config: kBetween; kEdits, which may be left out: with EditedSubpaths; Mis; kLists: heuristics that need all
+// Config: kBetween; kEdits, which may be left out: with EditedSubpaths; kLetters, likewise: reads letters of
+// layers by expressions, as kernels for media do; Mis; kLists: heuristics that need all
 // densities, Mis is Balance then; Sampler; Choice: one of the above; Sink, with
 //   eye(contribution, s, t)              techniques of t >= 2: along the eye's ray
 //   sum()                                of these, so far
@@ -80,6 +81,9 @@ class Bidirectional {
   static constexpr bool kRecords = RecordsPaths<typename Config::Sink>;
   static constexpr bool kMollifies = Mollifying<Config>;
   static constexpr bool kEdits = requires { requires Config::kEdits; };
+  static constexpr bool kLetters = kBetween == transport::Between::media || requires {
+    requires Config::kLetters;
+  };
   using Mis = typename Config::Mis;
   using Sampler = typename Config::Sampler;
   using Sink = typename Config::Sink;
@@ -100,9 +104,10 @@ class Bidirectional {
         eye_rules_(eye_rules(options, techniques, counts)),
         light_rules_(light_rules(options, techniques, counts)),
         edits_(scene),
-        path_letters_(letters),
-        eye_letters_(transport::eye_letters<kBetween>(letters)) {
-    if (eye_letters_) light_letters_.emplace(*letters);
+        path_letters_(letters) {
+    if (!kLetters || letters == nullptr) return;
+    eye_letters_.emplace(*letters);
+    light_letters_.emplace(*letters);
   }
 
   // The light path of the sampler, kept.
@@ -153,7 +158,8 @@ class Bidirectional {
   struct EyeSide;
 
   bool reads_letters() const {
-    return transport::reads_letters<kBetween>(eye_letters_ ? &*eye_letters_ : nullptr);
+    if constexpr (kLetters) return eye_letters_.has_value();
+    return false;
   }
   void to_light_sink(const transport::Contribution& found, std::uint32_t s, std::uint32_t t,
                      transport::FilmPosition film, std::uint64_t key) {

@@ -61,8 +61,7 @@ class LightTracing {
     const Spectrum value = found.weighted() * each_;
     const bool kept = splatter_.splat(0, film, value, rng::combine(key, 2), tallies_);
     if (reads_letters() && kept)
-      splatter_.splat_layers(letters_->letters(), letters_->met_lens(), film, value, rng::combine(key, 2),
-                             tallies_);
+      splatter_.splat_layers(letters_->letters(), letters_->met_lens(), film, value, rng::combine(key, 2));
   }
   bool vertex(const LightWalk& walk, const Vertex& v, std::uint64_t key) {
     crossed(walk);
@@ -82,7 +81,7 @@ class LightTracing {
         splatter_.splat(image_layer_, film, value, rng::combine(key, 3), tallies_);
       if (reads_letters() && kept)
         splatter_.splat_layers(letters_->letters(), letters_->connected(v, towards.wi), film, value,
-                               rng::combine(key, 3), tallies_);
+                               rng::combine(key, 3));
     }
     return true;
   }

@@ -46,7 +46,7 @@ class FilmSink {
              const transport::ChannelLabels* labels) {
     const Spectrum weighted = light.weighted() * each_;
     const bool kept = splatter_.splat(0, at, weighted, key, tallies_);
-    if (labels != nullptr && kept) splatter_.splat_layers(*letters, *labels, at, weighted, key, tallies_);
+    if (labels != nullptr && kept) splatter_.splat_layers(*letters, *labels, at, weighted, key);
     if (!layers_.any()) return;
     if (const std::uint32_t layer = layers_.weighted(s, t); layer != TechniqueLayers::kNoLayer)
       splatter_.splat(layer, at, weighted, key, tallies_);
