@@ -21,6 +21,9 @@ struct InspectOptions {
 
 // SCENE, -D, --lenient, --set, --seed, --size, --crop, --edits, --select, --glossy-below, --threads, ...
 void add_inspect_options(CLI::App& app, InspectOptions& options);
+// --region where each region has a name, and --spp of usual_spp().
+void add_named_regions(CLI::App& app, InspectOptions& options);
+void add_spp_of_pixels(CLI::App& app, std::optional<std::string>& spp);
 
 struct OpenedScene {
   std::unique_ptr<inspect::Session> session;

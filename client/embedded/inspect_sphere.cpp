@@ -198,10 +198,7 @@ void add_inspect_sphere(CLI::App& inspect, Context& context) {
       "sphere",
       "Show the radiance that arrives at a place from each direction, by path tracing on this machine");
   add_inspect_options(*sub, options->inspect);
-  add_texts(*sub, "--region", options->inspect.regions,
-            "Name a region for @NAME in --select: NAME=box:x0,y0,z0,x1,y1,z1 or NAME=sphere:x,y,z,radius; "
-            "may be repeated",
-            "REGION");
+  add_named_regions(*sub, options->inspect);
   add_text(*sub, "--at", options->at, "The center of the sphere, in the coordinates of the scene", "x,y,z");
   add_text(*sub, "--pixel", options->pixel, "In place of --at: the surface that this pixel shows", "x,y");
   sub->add_flag("--disc", options->disc,

@@ -45,6 +45,17 @@ struct OneTechnique {
   bool eye_goes_on(std::uint32_t edges) const { return edges + 1 < t; }
 };
 
+// A configuration for images: all techniques, numbers of a sampler.
+template <transport::Between kB, class MisT, class SinkT, bool kL = false>
+struct BidirectionalConfig {
+  static constexpr transport::Between kBetween = kB;
+  static constexpr bool kLists = kL;
+  using Mis = MisT;
+  using Sampler = samplers::Sampler;
+  using Sink = SinkT;
+  using Choice = EveryTechnique;
+};
+
 // What kernels with edits that select by more of the path than the vertex know of both subpaths
 // (scene/bsdfs/path_edited.h).
 template <bool kEdits>
@@ -63,16 +74,17 @@ struct EditedSubpaths {
 template <class Sink>
 concept RecordsPaths = Sink::kRecordsPaths;
 
-// Config: kBetween; kEdits, which may be left out: with EditedSubpaths; kLetters, likewise: reads letters of
-// layers by expressions, as kernels for media do; Mis; kLists: heuristics that need all
+// Config: kBetween; kEdits, which may be left out: with EditedSubpaths; kLetters, likewise: with letters for
+// layers by expressions, which kernels for media always have; Mis; kLists: heuristics that need all
 // densities, Mis is Balance then; Sampler; Choice: one of the above; Sink, with
 //   eye(contribution, s, t)              techniques of t >= 2: along the eye's ray
 //   sum()                                of these, so far
 //   light(contribution, s, t, at, key, letters, labels)
 //                                        t < 2: to be divided by the number of light paths. labels: of the
 //                                        path; null where nobody asks for layers of expressions
-// A sink that records paths is shown the subpaths of a contribution just before it; see RecordsPaths. A
-// configuration may mollify paths that no technique can sample; see Mollifying. Its plan has light paths.
+// BidirectionalConfig has the usual ones. A sink that records paths is shown the subpaths of a contribution
+// just before it; see RecordsPaths. A configuration may mollify paths that no technique can sample; see
+// Mollifying. Its plan has light paths.
 template <class Config>
 class Bidirectional {
  public:

@@ -20,14 +20,8 @@ using transport::Between;
 using transport::MisHeuristic;
 
 template <Between kB, class MisT, bool kL, bool kE = false>
-struct FilmConfig {
-  static constexpr Between kBetween = kB;
+struct FilmConfig : estimators::BidirectionalConfig<kB, MisT, bdpt::FilmSink, kL> {
   static constexpr bool kEdits = kE;
-  static constexpr bool kLists = kL;
-  using Mis = MisT;
-  using Sampler = samplers::Sampler;
-  using Sink = bdpt::FilmSink;
-  using Choice = estimators::EveryTechnique;
 };
 
 using bdpt::Run;

@@ -6,14 +6,8 @@ namespace candela::integrators::bdpt {
 namespace {
 
 template <class MisT, bool kL>
-struct LetteredConfig {
-  static constexpr transport::Between kBetween = transport::Between::nothing;
-  static constexpr bool kLists = kL;
+struct LetteredConfig : estimators::BidirectionalConfig<transport::Between::nothing, MisT, FilmSink, kL> {
   static constexpr bool kLetters = true;
-  using Mis = MisT;
-  using Sampler = samplers::Sampler;
-  using Sink = FilmSink;
-  using Choice = estimators::EveryTechnique;
 };
 
 }  // namespace
