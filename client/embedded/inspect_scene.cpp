@@ -83,7 +83,7 @@ void add_spp_of_pixels(CLI::App& app, std::optional<std::string>& spp) {
 }
 
 Result<OpenedScene> open_for_inspection(Context& context, const InspectOptions& options,
-                                        const std::string& integrator) {
+                                        const std::string& integrator, LoadedScene* loaded) {
   OpenedScene opened;
   opened.threads = std::max(1U, std::thread::hardware_concurrency());
   if (options.threads) {
@@ -112,6 +112,7 @@ Result<OpenedScene> open_for_inspection(Context& context, const InspectOptions& 
     return error;
   }
   opened.session = *std::move(session);
+  if (loaded != nullptr) *loaded = std::move(scene);
   return opened;
 }
 

@@ -31,9 +31,10 @@ struct OpenedScene {
   std::string sensor;                   // its plugin
   unsigned threads = 1;
 };
-// integrator: whose settings the job has. Warnings of the scene go to context.err.
+// integrator: whose settings the job has. Warnings of the scene go to context.err. loaded: gets what a job of
+// the scene is submitted with; null: nobody asks.
 Result<OpenedScene> open_for_inspection(Context& context, const InspectOptions& options,
-                                        const std::string& integrator);
+                                        const std::string& integrator, LoadedScene* loaded = nullptr);
 // Fails (usage) if the sensor has no picture that points of the scene have places in.
 Result<void> check_projection(const OpenedScene& scene, const std::string& option);
 
