@@ -294,7 +294,7 @@ void add_inspect_sphere(CLI::App& inspect, Context& context) {
   add_text(*sub, "--lobe-size", options->lobe_size,
            "Largest distance of that surface; default: the radius, else a tenth of the scene's", "R");
   sub->add_flag("--json", options->json, "Print JSON");
-  sub->add_flag("--quiet", options->quiet, "Print no progress of a farm's job");
+  sub->add_flag("--quiet", options->quiet, "Print no progress");
   add_farm_options(*sub, options->farm);
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_sphere(context, *options); };
