@@ -35,17 +35,30 @@ void add_job_words(CLI::App& app, std::vector<std::string>& words, const std::st
   app.add_option("ids", words, doc)->required()->type_name("ID...");
 }
 
-void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
+void add_scene_file(CLI::App& app, SceneOptions& options) {
   app.add_option("scene", options.scene, "Scene file (Mitsuba XML, or pbrt)")->required()->type_name("SCENE");
   add_texts(app, "-D,--define", options.defines, "Set a $parameter of the scene; may be repeated",
             "NAME=VALUE");
+}
+
+void add_lenient(CLI::App& app, SceneOptions& options) {
+  app.add_flag("--lenient", options.lenient,
+               "Accept unknown parameters, elements and plugins: warn, and leave them out or use the nearest "
+               "known plugin");
+}
+
+void add_scene_memory(CLI::App& app, SceneOptions& options) {
+  add_text(app, "--scene-memory", options.scene_memory,
+           "Maximum memory for reading the scene, such as 500M or 20G; default: half of the memory", "SIZE");
+}
+
+void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
+  add_scene_file(app, options);
   add_text(
       app, "--integrator", options.integrator,
       "Integrator to use instead of the scene's; it keeps the scene's values of parameters that both have",
       "NAME");
-  app.add_flag("--lenient", options.lenient,
-               "Accept unknown parameters, elements and plugins: warn, and leave them out or use the nearest "
-               "known plugin");
+  add_lenient(app, options);
   add_texts(app, "--set", options.sets, "Set a setting of the integrator; may be repeated", "KEY=VALUE");
   if (with_limits) {
     add_text(app, "--spp", options.spp,
@@ -100,8 +113,7 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
            "none: no "
            "edits; default: those of the scene's integrator `edits`",
            "FILE");
-  add_text(app, "--scene-memory", options.scene_memory,
-           "Maximum memory for reading the scene, such as 500M or 20G; default: half of the memory", "SIZE");
+  add_scene_memory(app, options);
   add_text(app, "--isa", options.isa,
            "Instruction set that Embree may use: sse2, sse4.2, avx, avx2 (default) or avx512; the pixels "
            "depend on it",

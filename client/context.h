@@ -45,6 +45,10 @@ void add_job_words(CLI::App& app, std::vector<std::string>& words, const std::st
 // --filter,
 // --sampler, --isa.
 void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits);
+// Some of these, for commands that have fewer: the scene and -D; --lenient; --scene-memory.
+void add_scene_file(CLI::App& app, SceneOptions& options);
+void add_lenient(CLI::App& app, SceneOptions& options);
+void add_scene_memory(CLI::App& app, SceneOptions& options);
 
 // Tells on `err` what was passed over in the scene, and what `check` warns of: each thing once, with file,
 // line and count, at most twenty lines.

@@ -72,19 +72,13 @@ void add_objects(CLI::App& app, Context& context) {
                                      "path expressions (--layer) know, with "
                                      "numbers of shapes, and bounds where the scene file has them");
   SceneOptions& scene = options->scene;
-  sub->add_option("scene", scene.scene, "Scene file (Mitsuba XML, or pbrt)")->required()->type_name("SCENE");
-  add_texts(*sub, "-D,--define", scene.defines, "Set a $parameter of the scene; may be repeated",
-            "NAME=VALUE");
+  add_scene_file(*sub, scene);
   add_text(
       *sub, "--integrator", scene.integrator,
       "Integrator to use instead of the scene's; it keeps the scene's values of parameters that both have",
       "NAME");
-  sub->add_flag(
-      "--lenient", scene.lenient,
-      "Accept unknown parameters, elements and plugins: warn, and leave them out or use the nearest known "
-      "plugin");
-  add_text(*sub, "--scene-memory", scene.scene_memory,
-           "Maximum memory for reading the scene, such as 500M or 20G; default: half of the memory", "SIZE");
+  add_lenient(*sub, scene);
+  add_scene_memory(*sub, scene);
   sub->add_flag("--json", options->json, "Print JSON");
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_objects(context, *options); };

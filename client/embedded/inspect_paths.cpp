@@ -220,8 +220,7 @@ void add_inspect_paths(CLI::App& inspect, Context& context) {
             "Only light that the vertex next to the eye sends from within box:x0,y0,z0,x1,y1,z1 or "
             "sphere:x,y,z,radius; with NAME= before it, a region for @NAME in --select; may be repeated",
             "REGION");
-  add_text(*sub, "--spp", options->spp,
-           "Samples per pixel; default: 200000 over all pixels, and at least 16 per pixel", "N");
+  add_spp_of_pixels(*sub, options->spp);
   add_text(*sub, "--by", options->by, "Cluster paths by expression (default) or by object", "KIND");
   add_text(*sub, "--from", options->from, "End that clustering begins at: eye (default) or light", "END");
   add_text(*sub, "--clusters", options->rows, "Split clusters up to this number (default 12)", "N");

@@ -48,12 +48,8 @@ Result<inspect::Selection> selection_of(const InspectOptions& options, std::opti
 
 void add_inspect_options(CLI::App& app, InspectOptions& options) {
   SceneOptions& scene = options.scene;
-  app.add_option("scene", scene.scene, "Scene file (Mitsuba XML, or pbrt)")->required()->type_name("SCENE");
-  add_texts(app, "-D,--define", scene.defines, "Set a $parameter of the scene; may be repeated",
-            "NAME=VALUE");
-  app.add_flag("--lenient", scene.lenient,
-               "Accept unknown parameters, elements and plugins: warn, and leave them out or use the nearest "
-               "known plugin");
+  add_scene_file(app, scene);
+  add_lenient(app, scene);
   add_texts(app, "--set", scene.sets, "Set a setting of the integrator, such as max_depth=4; may be repeated",
             "KEY=VALUE");
   add_text(app, "--select", options.select,
@@ -71,12 +67,23 @@ void add_inspect_options(CLI::App& app, InspectOptions& options) {
   add_text(app, "--edits", scene.edits,
            "Edit how light travels, as a file of JSON says; none: no edits (the default)", "FILE");
   add_text(app, "--threads", options.threads, "Threads; default: one for each core", "N");
-  add_text(app, "--scene-memory", scene.scene_memory,
-           "Maximum memory for reading the scene, such as 500M or 20G; default: half of the memory", "SIZE");
+  add_scene_memory(app, scene);
+}
+
+void add_named_regions(CLI::App& app, InspectOptions& options) {
+  add_texts(app, "--region", options.regions,
+            "Name a region for @NAME in --select: NAME=box:x0,y0,z0,x1,y1,z1 or NAME=sphere:x,y,z,radius; "
+            "may be repeated",
+            "REGION");
+}
+
+void add_spp_of_pixels(CLI::App& app, std::optional<std::string>& spp) {
+  add_text(app, "--spp", spp, "Samples per pixel; default: 200000 over all pixels, and at least 16 per pixel",
+           "N");
 }
 
 Result<OpenedScene> open_for_inspection(Context& context, const InspectOptions& options,
-                                        const std::string& integrator) {
+                                        const std::string& integrator, LoadedScene* loaded) {
   OpenedScene opened;
   opened.threads = std::max(1U, std::thread::hardware_concurrency());
   if (options.threads) {
@@ -105,6 +112,7 @@ Result<OpenedScene> open_for_inspection(Context& context, const InspectOptions& 
     return error;
   }
   opened.session = *std::move(session);
+  if (loaded != nullptr) *loaded = std::move(scene);
   return opened;
 }
 

@@ -21,6 +21,9 @@ struct InspectOptions {
 
 // SCENE, -D, --lenient, --set, --seed, --size, --crop, --edits, --select, --glossy-below, --threads, ...
 void add_inspect_options(CLI::App& app, InspectOptions& options);
+// --region where each region has a name, and --spp of usual_spp().
+void add_named_regions(CLI::App& app, InspectOptions& options);
+void add_spp_of_pixels(CLI::App& app, std::optional<std::string>& spp);
 
 struct OpenedScene {
   std::unique_ptr<inspect::Session> session;
@@ -28,9 +31,10 @@ struct OpenedScene {
   std::string sensor;                   // its plugin
   unsigned threads = 1;
 };
-// integrator: whose settings the job has. Warnings of the scene go to context.err.
+// integrator: whose settings the job has. Warnings of the scene go to context.err. loaded: gets what a job of
+// the scene is submitted with; null: nobody asks.
 Result<OpenedScene> open_for_inspection(Context& context, const InspectOptions& options,
-                                        const std::string& integrator);
+                                        const std::string& integrator, LoadedScene* loaded = nullptr);
 // Fails (usage) if the sensor has no picture that points of the scene have places in.
 Result<void> check_projection(const OpenedScene& scene, const std::string& option);
 

@@ -7,14 +7,19 @@
 #include <limits>
 #include <ostream>
 
+#include "client/commands/waiting.h"
 #include "client/embedded/commands.h"
 #include "client/embedded/inspect_figures.h"
 #include "client/embedded/inspect_scene.h"
+#include "client/embedded/passing_folder.h"
 #include "client/output.h"
+#include "client/scene_name.h"
+#include "client/submission.h"
 #include "client/values.h"
 #include "common/base/files.h"
 #include "common/image/false_color.h"
 #include "common/image/image.h"
+#include "common/job/tools.h"
 #include "common/wire/json_values.h"
 #include "worker/inspect/radiance.h"
 
@@ -28,8 +33,9 @@ using wire::Json;
 
 struct SphereOptions {
   InspectOptions inspect;
+  FarmOptions farm;
   std::optional<std::string> at, pixel, radius, map_size, spp, output, png, lobe, lobe_size, map;
-  bool disc = false, logarithmic = false, json = false;
+  bool disc = false, logarithmic = false, json = false, quiet = false;
 };
 
 // The options that can be read without the scene.
@@ -146,15 +152,83 @@ void print(Context& context, const SphereOptions& options, const RadianceMap& ma
   context.out << '\n';
 }
 
+// The settings of the job that makes the map (worker/integrators/sphere/settings.h).
+JobSettings map_settings(JobSettings job, const MapRequest& request, const inspect::Session& session) {
+  const Probe& probe = request.probe;
+  const Vec3d at = session.in_file(probe.center), normal(probe.normal.value_or(Vec3{}));
+  for (const auto& [name, value] : {std::pair<const char*, double>{"x", at.x},
+                                    {"y", at.y},
+                                    {"z", at.z},
+                                    {"radius", probe.radius},
+                                    {"normal_x", normal.x},
+                                    {"normal_y", normal.y},
+                                    {"normal_z", normal.z},
+                                    {"error", static_cast<double>(probe.error)}})
+    job.integrator_settings[name] = fmt::format("{}", value);
+  job.integrator = tools::kSphere;
+  job.width = request.width;
+  job.height = request.height;
+  job.crop.reset();
+  job.filter = "box";
+  job.filter_settings.clear();
+  job.layers = session.selects() ? letters::text_of(session.request()) : std::string();
+  return job;
+}
+
+// Makes the map by a job on a farm. Exit code: 0, the job's, or 128+n where a signal ended the waiting.
+Result<int> map_on_farm(Context& context, const SphereOptions& options, const MapRequest& request,
+                        const OpenedScene& opened, LoadedScene scene, RadianceMap& map) {
+  const inspect::Session& session = *opened.session;
+  CANDELA_TRY(inspect::check_medium(session, request.probe));
+  scene.job.settings = map_settings(std::move(scene.job.settings), request, session);
+  CANDELA_ASSIGN(scene.job.settings.integrator_settings,
+                 context.facts.complete_settings(scene.job.settings.integrator, {},
+                                                 scene.job.settings.integrator_settings));
+  scene.job.stop = {};
+  scene.job.stop.iterations = request.spp;
+  scene.job.indices = {};
+  CANDELA_ASSIGN(const std::unique_ptr<FarmClient> farm, connect(options.farm));
+  Submission submission;
+  submission.name = fmt::format("sphere of {}", scene_name(options.inspect.scene.scene));
+  Submitted submitted;
+  {
+    ProgressLine progress(context.err, ProgressLine::mode_for(options.quiet));
+    CANDELA_ASSIGN(submitted, submit_scene(*farm, scene, context.facts, submission, progress));
+  }
+  context.err << fmt::format("candela: job {}\n", printable(submitted.job_id)) << std::flush;
+  CANDELA_ASSIGN(const PassingFolder folder, PassingFolder::make());
+  const std::string file = (folder.path() / "map.exr").string();
+  const WaitOptions wait{.quiet = options.quiet, .output = {file, {}}};
+  CANDELA_ASSIGN(const int code, wait_for_job(context, *farm, submitted.job_id, wait));
+  if (code != 0) return code;
+  CANDELA_ASSIGN(image::Image image, session.selects()
+                                         ? image::read_layer(file, session.request().layers.front().name)
+                                         : image::read_image(file));
+  map.width = image.width;
+  map.height = image.height;
+  map.rgb = std::move(image.rgb);
+  CANDELA_ASSIGN(const v1::JobStatus job, farm->get_job(submitted.job_id));
+  for (const v1::RejectedSamples& rejected : job.rejected()) map.not_finite += rejected.count();
+  inspect::integrate_map(request.probe, map);
+  return 0;
+}
+
 Result<int> run_sphere(Context& context, const SphereOptions& options) {
   CANDELA_ASSIGN(Choice choice, choose(options));
-  CANDELA_ASSIGN(const OpenedScene opened, open_for_inspection(context, options.inspect, "path"));
+  LoadedScene loaded;
+  CANDELA_ASSIGN(const OpenedScene opened, open_for_inspection(context, options.inspect, "path", &loaded));
   CANDELA_TRY(check_no_spot(opened));
   const inspect::Session& session = *opened.session;
   MapRequest& request = choice.request;
   CANDELA_ASSIGN(request.probe, probe_of(choice, options, opened));
   request.threads = opened.threads;
-  CANDELA_ASSIGN(const RadianceMap map, inspect::map_radiance(session, request));
+  RadianceMap map;
+  if (options.farm.master) {
+    CANDELA_ASSIGN(const int code, map_on_farm(context, options, request, opened, std::move(loaded), map));
+    if (code != 0) return code;
+  } else {
+    CANDELA_ASSIGN(map, inspect::map_radiance(session, request));
+  }
 
   std::vector<float> values;
   for (std::size_t i = 0; i < map.rgb.size(); i += 3)
@@ -194,14 +268,12 @@ Result<int> run_sphere(Context& context, const SphereOptions& options) {
 
 void add_inspect_sphere(CLI::App& inspect, Context& context) {
   auto options = std::make_shared<SphereOptions>();
-  CLI::App* sub = inspect.add_subcommand(
-      "sphere",
-      "Show the radiance that arrives at a place from each direction, by path tracing on this machine");
+  CLI::App* sub = inspect.add_subcommand("sphere",
+                                         "Show the radiance that arrives at a place from each direction, by "
+                                         "path tracing on this machine, or on a "
+                                         "farm with --master");
   add_inspect_options(*sub, options->inspect);
-  add_texts(*sub, "--region", options->inspect.regions,
-            "Name a region for @NAME in --select: NAME=box:x0,y0,z0,x1,y1,z1 or NAME=sphere:x,y,z,radius; "
-            "may be repeated",
-            "REGION");
+  add_named_regions(*sub, options->inspect);
   add_text(*sub, "--at", options->at, "The center of the sphere, in the coordinates of the scene", "x,y,z");
   add_text(*sub, "--pixel", options->pixel, "In place of --at: the surface that this pixel shows", "x,y");
   sub->add_flag("--disc", options->disc,
@@ -222,6 +294,8 @@ void add_inspect_sphere(CLI::App& inspect, Context& context) {
   add_text(*sub, "--lobe-size", options->lobe_size,
            "Largest distance of that surface; default: the radius, else a tenth of the scene's", "R");
   sub->add_flag("--json", options->json, "Print JSON");
+  sub->add_flag("--quiet", options->quiet, "Print no progress");
+  add_farm_options(*sub, options->farm);
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_sphere(context, *options); };
   });

@@ -227,12 +227,8 @@ void add_inspect_volume(CLI::App& inspect, Context& context) {
            "Cells along the longest edge of the box (default 64), or along x, y and z", "N|nx,ny,nz");
   add_text(*sub, "--pixels", options->pixels,
            "Take the light of these pixels alone: a rectangle, both corners included", "X0,Y0,X1,Y1");
-  add_texts(*sub, "--region", options->inspect.regions,
-            "Name a region for @NAME in --select: NAME=box:x0,y0,z0,x1,y1,z1 or NAME=sphere:x,y,z,radius; "
-            "may be repeated",
-            "REGION");
-  add_text(*sub, "--spp", options->spp,
-           "Samples per pixel; default: 200000 over all pixels, and at least 16 per pixel", "N");
+  add_named_regions(*sub, options->inspect);
+  add_spp_of_pixels(*sub, options->spp);
   sub->add_flag("--eye-edges", options->eye_edges,
                 "Count the last edge of each path, to the eye, as well: all that the camera sees crosses it");
   add_text(

@@ -1,7 +1,6 @@
 // candela reproduce: the command that makes an image again, by what the image says of itself; with --run it
 // is made, and compared to the last bit.
 #include <fmt/format.h>
-#include <stdlib.h>  // mkdtemp
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -11,6 +10,7 @@
 #include "client/commands/waiting.h"
 #include "client/context.h"
 #include "client/embedded/commands.h"
+#include "client/embedded/passing_folder.h"
 #include "client/embedded/render.h"
 #include "client/submission.h"
 #include "client/values.h"
@@ -163,33 +163,6 @@ Result<int> print_command(Context& context, const ReproduceOptions& options, con
     warn(same.error());
   return 0;
 }
-
-// A folder that goes with the object.
-class PassingFolder {
- public:
-  static Result<PassingFolder> make() {
-    std::string path = (std::filesystem::temp_directory_path() / "candela-reproduce-XXXXXX").string();
-    if (::mkdtemp(path.data()) == nullptr)
-      return resource_error("no folder can be made for the image").at(path, 0).with_mend("give -o FILE");
-    PassingFolder folder;
-    folder.path_ = path;
-    return folder;
-  }
-  PassingFolder() = default;
-  PassingFolder(PassingFolder&& other) noexcept : path_(std::exchange(other.path_, {})) {}
-  PassingFolder& operator=(PassingFolder&& other) noexcept {
-    std::swap(path_, other.path_);
-    return *this;
-  }
-  ~PassingFolder() {
-    std::error_code error;
-    if (!path_.empty()) std::filesystem::remove_all(path_, error);
-  }
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 Result<int> render_here(Context& context, const ReproduceOptions& options, const Origin& origin,
                         const std::string& output) {

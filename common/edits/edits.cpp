@@ -13,6 +13,7 @@
 #include "common/base/strict_json.h"
 #include "common/base/text.h"
 #include "common/job/layer_name.h"
+#include "common/job/tools.h"
 #include "common/letters/expression.h"
 
 namespace candela::edits {
@@ -358,7 +359,7 @@ Result<void> check_integrator(const EditList& list, std::string_view integrator,
   if (list.empty()) return {};
   constexpr std::array<std::string_view, 8> able = {"path", "light", "bdpt",   "ppm",
                                                     "bpm",  "vcm",   "pssmlt", "mmlt"};
-  if (std::find(able.begin(), able.end(), integrator) == able.end())
+  if (std::find(able.begin(), able.end(), tools::paths_of(integrator)) == able.end())
     return usage_error(fmt::format("the integrator '{}' does not render edits: '{}' and the others are not "
                                    "tested with it",
                                    integrator, list.edits.front().name))

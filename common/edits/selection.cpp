@@ -11,6 +11,7 @@
 
 #include "common/edits/path_states.h"
 #include "common/edits/vertex_classes.h"
+#include "common/job/tools.h"
 #include "common/letters/expression.h"
 
 namespace candela::edits {
@@ -137,7 +138,7 @@ Result<void> check_by_path(const EditList& list, std::span<const Selection> sele
   const Edit& edit = list.edits[static_cast<std::size_t>(found - selections.begin())];
   const bool of_light = edit.direction == Edit::Direction::light;
   constexpr std::array<std::string_view, 5> able = {"path", "light", "bdpt", "pssmlt", "mmlt"};
-  if (std::find(able.begin(), able.end(), integrator) == able.end()) {
+  if (std::find(able.begin(), able.end(), tools::paths_of(integrator)) == able.end()) {
     const bool media = std::any_of(uses.begin(), uses.end(),
                                    [](std::uint8_t use) { return (use & letters::kMediumObject) != 0; });
     const std::string_view walk = media ? "[XV]*" : "X*";

@@ -40,10 +40,10 @@ class UnitFilm {
   bool splat(std::uint32_t layer, std::uint32_t x, std::uint32_t y, const std::array<float, kChannels>& rgb,
              std::uint64_t key, Tallies& tallies, bool signed_values = false);
 
-  // The units that add() and splat() take of such a value with this key. Precondition: they do not reject it.
+  // The units that add() and splat() take of such a value with the key of this word (dither_word(key)).
+  // Precondition: they do not reject it.
   std::array<std::int64_t, kChannels> units(const std::array<float, kChannels>& rgb,
-                                            std::uint64_t key) const {
-    const std::uint64_t word = dither_word(key);
+                                            std::uint64_t word) const {
     std::array<std::int64_t, kChannels> result;
     for (std::size_t c = 0; c < kChannels; ++c)
       result[c] = quantise(rgb[c], units_per_value_, dither(word, static_cast<int>(c)));
@@ -52,6 +52,8 @@ class UnitFilm {
   // Adds units, from any thread: of a layer that has a part of the image's contributions.
   void splat_units(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
                    const std::array<std::int64_t, kChannels>& units);
+  // A sum of such units wrapped around on its way to the film.
+  void note_overflow() { overflowed_.store(true, std::memory_order_relaxed); }
 
   // Threads count on their own and hand in their counts when they are done. Thread-safe.
   void count(const Tallies& tallies);
@@ -157,7 +159,7 @@ inline void UnitFilm::splat_units(std::uint32_t layer, std::uint32_t x, std::uin
     wrapped |= __builtin_add_overflow(before, units[c], &after);
   }
   if (wrapped) [[unlikely]]
-    overflowed_.store(true, std::memory_order_relaxed);
+    note_overflow();
 }
 
 }  // namespace candela::film

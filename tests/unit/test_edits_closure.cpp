@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "chi_squared.h"
 #include "common/rng/stream.h"
 #include "edits_fixture.h"
 #include "worker/scene/bsdfs/delta_lobes.h"
@@ -73,9 +74,21 @@ TEST_P(EditedClosures, AreOneBsdfInBothModes) {
   EXPECT_GT(compared, 100);
 }
 
+// A grid over the sphere whose cells have one size, and each 20 x 20 of those of over_sphere().
+constexpr std::size_t kCellRows = 10, kCellColumns = 12, kCells = kCellRows * kCellColumns;
+std::size_t cell_of(Vec3 w) {
+  const auto part = [](double x, std::size_t count) {
+    return std::min(static_cast<std::size_t>(std::max(0.0, x * static_cast<double>(count))), count - 1);
+  };
+  const double turn = std::atan2(static_cast<double>(w.z), static_cast<double>(w.y)) / (2 * std::numbers::pi);
+  return part((static_cast<double>(w.x) + 1) / 2, kCellRows) * kCellColumns +
+         part(turn < 0 ? turn + 1 : turn, kCellColumns);
+}
+
 // Claim: samples of an edited surface have the density that it tells, in both modes, and weights that bring
-// its value: sums over samples are the integrals. Fails by chance with probability below 1e-5 for each of the
-// 640 sums.
+// its value: sums over samples are the integrals, and directions fall into cells of the sphere as the density
+// has it (chi-squared). Fails by chance with probability below 1e-5 for each of the 640 sums, and below 1e-6
+// for each of the 72 tests of cells.
 TEST_P(EditedClosures, DrawWhatTheyTell) {
   const Case& c = GetParam();
   const auto e = make(c);
@@ -84,18 +97,23 @@ TEST_P(EditedClosures, DrawWhatTheyTell) {
     for (const Vec3 wo : directions_from()) {
       const At at(*e, wo);
       Sums exact;
+      std::vector<double> expected(kCells + 1), observed(kCells + 1);  // the last: nothing is drawn
       over_sphere([&](Vec3 w, double area) {
         float pdf = 0;
         const Spectrum v = at.value(at.edited, wo, w, mode, pdf);
         exact.add(w, static_cast<double>(v.r), static_cast<double>(pdf), area);
+        expected[cell_of(w)] += static_cast<double>(pdf) * area * kSamples;
       });
+      expected[kCells] = std::max(0.0, 1 - exact.pdf) * kSamples;
       rng::Stream stream(rng::key(31));
       std::array<double, kTests> mean{}, squares{};
       double drawn = 0;
       for (int i = 0; i < kSamples; ++i) {
         const float u_lobe = stream.next_float(), u = stream.next_float(), v = stream.next_float();
         BsdfSample s;
-        if (!at.edited.sample(wo, u_lobe, {u, v}, mode, s)) continue;
+        const bool any = at.edited.sample(wo, u_lobe, {u, v}, mode, s);
+        observed[any ? cell_of(s.wi) : kCells] += 1;
+        if (!any) continue;
         ASSERT_FALSE(s.delta);
         drawn += 1;
         float pdf = 0;
@@ -113,6 +131,8 @@ TEST_P(EditedClosures, DrawWhatTheyTell) {
       const double fraction = drawn / kSamples;
       EXPECT_NEAR(fraction, exact.pdf, 4.5 * std::sqrt(fraction * (1 - fraction) / kSamples) + 6e-3)
           << c.name;
+      EXPECT_GT(test::chi_squared_p(observed, expected), 1e-6)
+          << c.name << " mode " << static_cast<int>(mode);
       for (std::size_t k = 0; k < kTests; ++k)
         EXPECT_NEAR(
             mean[k], exact.value[k],

@@ -1,4 +1,5 @@
 // Renderers of jobs with edits: what is refused, what stays to the last bit, and that nothing breaks.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -151,6 +152,50 @@ TEST(EditRenderers, ActFarFromTheOrigin) {
   const auto near = mean_of(0), far = mean_of(1048576);
   for (std::size_t row = 0; row < near.size(); ++row)
     EXPECT_NEAR(far[row], near[row], 0.02 * near[row] + 1e-4) << row;
+}
+
+// Claim: an edit does not know how large the scene is: with all lengths times a power of two, from 1e-4 to
+// 1e6, each row of the image stays what it is.
+TEST(EditRenderers, ScaleWithTheScene) {
+  const auto rows_of = [&](const std::string& integrator, const std::string& move, double s) {
+    const auto n = [&](double x) { return fmt::format("{}", x * s); };
+    const auto at = [&](double x, double y, double z) { return n(x) + ", " + n(y) + ", " + n(z); };
+    const auto panel = [&](const std::string& id, const std::string& turn, double size, double y, double z) {
+      return R"(<shape type="rectangle" id=")" + id + R"("><transform name="to_world">)" + turn +
+             R"(<scale value=")" + n(size) + R"("/><translate y=")" + n(y) + R"(" z=")" + n(z) +
+             R"("/></transform><bsdf type="roughplastic"><float name="alpha" value="0.3"/></bsdf></shape>)";
+    };
+    const test::TextFiles files = files_of(
+        R"(<integrator type="path"><integer name="max_depth" value="4"/></integrator>
+        <sensor type="perspective"><float name="near_clip" value=")" +
+        n(0.01) + R"("/><float name="far_clip" value=")" + n(100) +
+        R"("/><transform name="to_world"><lookat origin=")" + at(0, 3, 3) +
+        R"(" target="0, 0, 0" up="0, 1, 0"/></transform></sensor>)" +
+        panel("floor", R"(<rotate x="1" angle="-90"/>)", 3, 0, 0) + panel("panel", "", 1, 1, -1) +
+        R"(<emitter type="point"><point name="position" value=")" + at(1, 2, 1) +
+        R"("/><rgb name="intensity" value=")" + fmt::format("{}", 10 * s * s) + R"("/></emitter>)");
+    const std::string edits =
+        R"({"regions": {"r": {"sphere": [)" + at(0.3, 0, 0) + ", " + n(1) +
+        R"(]}}, "edits": [{"name": "a", "direction": "light", "select": "LX*X{panel}", "source": "r", "move": {"to": [)" +
+        at(-0.8, 0, 0.5) + "]" + move + "}}]}";
+    const auto renderer = test::make_renderer(files, job_of(integrator, edits), {{"max_depth", "4"}});
+    const auto film = test::render_film(*renderer, 32);
+    std::vector<double> rows(6);
+    for (std::size_t i = 0; i < 8 * 6 * 3; ++i)
+      rows[i / 24] += std::ldexp(static_cast<double>(film->sums()[i]), -test::kFilmScaleLog2) / (24 * 32);
+    return rows;
+  };
+  for (const char* integrator : {"path", "light", "bdpt"})
+    for (const char* move : {R"(, "normal": [0, 1, 0])", R"(, "stretch": [1.4, 0.8, 1])"}) {
+      const auto usual = rows_of(integrator, move, 1);
+      for (const double scale : {0x1p-13, 0x1p20}) {
+        const auto scaled = rows_of(integrator, move, scale);
+        for (std::size_t row = 0; row < usual.size(); ++row)
+          EXPECT_NEAR(scaled[row], usual[row], 2e-3 * usual[row] + 1e-6)
+              << integrator << " times " << scale << " row " << row;
+      }
+      EXPECT_GT(usual[3], 1e-3);
+    }
 }
 
 // Claim: an edit of one lobe changes what that lobe scatters, and nothing else: halving one and halving the

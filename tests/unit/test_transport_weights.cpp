@@ -233,6 +233,39 @@ TEST(TransportWeights, HoldOnWalksOfAThousandEdges) {
   }
 }
 
+// A scene with edits, in JSON.
+Result<std::unique_ptr<scene::Scene>> edited_scene(const std::string& body, const std::string& edits) {
+  scene::EditRequest request;
+  CANDELA_ASSIGN(request.list, edits::parse_edits(edits));
+  const test::TextFiles text({{"scene.xml", "<scene version=\"3.0.0\">" + body + "</scene>"}});
+  CANDELA_ASSIGN(const auto described, description::parse_scene(text, "scene.xml", {}));
+  const description::LetterObjects objects = description::letter_objects(*described.scene);
+  request.names = objects.names;
+  request.uses = objects.uses;
+  scene::Scene::Options options;
+  options.film_width = options.film_height = test::kFilmSize;
+  options.edits = &request;
+  return test::build_scene(body, {}, "", options);
+}
+
+void expect_literal_weights(const scene::Scene& scene, bool values) {
+  WalkRules rules;
+  rules.max_edges = 6;
+  rules.rr_depth = 1u << 30;
+  rules.film_border = 1;
+  rules.eye_paths = static_cast<double>(test::kFilmSize) * test::kFilmSize;
+  Findings f;
+  run_all<Between::nothing>(scene, rules, 400, f);
+  std::printf("%zu paths; recursion %.1e, sum %.1e; weights up to %.1e, values up to %.1e\n", f.paths,
+              f.largest_recursion_error, f.largest_sum_error, f.weight.largest, f.value.largest);
+  EXPECT_GE(f.paths, 200u);
+  EXPECT_LE(f.largest_recursion_error, kOfRecursion);
+  EXPECT_LE(f.largest_sum_error, kOfRecursion);
+  EXPECT_EQ(f.value.count > 0, values);
+  for (const Errors* errors : {&f.weight, &f.listed, &f.merge_weight, &f.value, &f.merge_value})
+    EXPECT_LE(errors->loose, 1 + errors->count * 20 / 1000) << errors->worst;
+}
+
 // Edits of light and of the eye, of surfaces that are rough, of one lobe of two, and behind a mirror: the
 // oracle asks the edited bsdfs for values and densities of both walks, and products of them are the weights.
 TEST(TransportWeights, HoldForEditedSurfaces) {
@@ -245,41 +278,38 @@ TEST(TransportWeights, HoldForEditedSurfaces) {
          <bsdf type="roughdielectric"><float name="alpha" value="0.3"/></bsdf></shape>
          <shape type="sphere"><point name="center" x="-0.5" y="-0.5" z="0"/><float name="radius" value="0.3"/>
          <bsdf type="conductor"/></shape>)";
-  scene::EditRequest request;
-  const auto list = edits::parse_edits(R"({"regions": {"low": {"sphere": [0, -1, 0, 0.7]}}, "edits": [
+  const auto scene = edited_scene(body, R"({"regions": {"low": {"sphere": [0, -1, 0, 0.7]}}, "edits": [
       {"name": "a", "direction": "light", "select": "LX*[DG]", "source": "low",
        "move": {"to": [0.5, -1, 0.4], "normal": [0, 1, 0], "stretch": [1.4, 1, 0.8]}},
       {"name": "b", "direction": "light", "select": "LX*G", "rotate": {"axis": [0.3, 1, 0.2], "degrees": 15}},
       {"name": "c", "direction": "eye", "select": "DX*E", "source": "low", "rotate": {"axis": [1, 0, 0], "degrees": 25},
        "tint": [1, 0.5, 0.8]}]})");
-  ASSERT_TRUE(list.ok()) << list.error().to_string();
-  request.list = *list;
-  const test::TextFiles text({{"scene.xml", "<scene version=\"3.0.0\">" + body + "</scene>"}});
-  const auto described = description::parse_scene(text, "scene.xml", {});
-  ASSERT_TRUE(described.ok()) << described.error().to_string();
-  const description::LetterObjects objects = description::letter_objects(*described->scene);
-  request.names = objects.names;
-  request.uses = objects.uses;
-  scene::Scene::Options options;
-  options.film_width = options.film_height = test::kFilmSize;
-  options.edits = &request;
-  const auto scene = test::build_scene(body, {}, "", options);
   ASSERT_TRUE(scene.ok()) << scene.error().to_string();
   EXPECT_EQ((*scene)->features().edits.size(), 3u);
-  WalkRules rules;
-  rules.max_edges = 6;
-  rules.rr_depth = 1u << 30;
-  rules.film_border = 1;
-  rules.eye_paths = static_cast<double>(test::kFilmSize) * test::kFilmSize;
-  Findings f;
-  run_all<Between::nothing>(**scene, rules, 400, f);
-  std::printf("%zu paths; recursion %.1e, sum %.1e; weights up to %.1e, values up to %.1e\n", f.paths,
-              f.largest_recursion_error, f.largest_sum_error, f.weight.largest, f.value.largest);
-  EXPECT_GE(f.paths, 200u);
-  EXPECT_LE(f.largest_recursion_error, kOfRecursion);
-  EXPECT_LE(f.largest_sum_error, kOfRecursion);
-  for (const Errors* errors : {&f.weight, &f.listed, &f.merge_weight, &f.value, &f.merge_value})
-    EXPECT_LE(errors->loose, 1 + errors->count * 20 / 1000) << errors->worst;
+  expect_literal_weights(**scene, true);
+}
+
+// So it is with edits that select by the path, whose verdict a walk from one end does not know: both walks
+// tell the densities that count the edits of all states, at each vertex for itself.
+TEST(TransportWeights, HoldForEditsByThePath) {
+  const std::string body =
+      R"(<shape type="sphere"><point name="center" x="0" y="0.8" z="0"/><float name="radius" value="0.15"/>
+         <emitter type="area"/></shape>
+         <shape type="cube" id="walls"><bsdf type="twosided"><bsdf type="roughconductor"><float name="alpha" value="0.4"/>
+         </bsdf></bsdf></shape>
+         <shape type="sphere" id="ball"><point name="center" x="0.4" y="-0.5" z="0.2"/><float name="radius" value="0.3"/>
+         <bsdf type="diffuse"/></shape>
+         <shape type="sphere" id="glass"><point name="center" x="-0.5" y="-0.5" z="0"/><float name="radius" value="0.3"/>
+         <bsdf type="roughdielectric"><float name="alpha" value="0.3"/></bsdf></shape>)";
+  const auto scene = edited_scene(body, R"({"regions": {"low": {"sphere": [0, -1, 0, 0.7]}}, "edits": [
+      {"name": "a", "direction": "light", "select": "LX{walls}X", "source": "low",
+       "move": {"to": [0.5, -1, 0.4], "normal": [0, 1, 0], "stretch": [1.4, 1, 0.8]}},
+      {"name": "b", "direction": "light", "select": "LX*X{ball}X{walls}", "rotate": {"axis": [0.3, 1, 0.2], "degrees": 15}},
+      {"name": "c", "direction": "eye", "select": "X{walls}X{ball}X*E", "source": "low",
+       "rotate": {"axis": [1, 0, 0], "degrees": 25}, "tint": [1, 0.5, 0.8]}]})");
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  ASSERT_NE((*scene)->objects().path_edits, nullptr);
+  expect_literal_weights(**scene, false);
 }
 
 // No scene of the folders has a lens of finite size in a medium.

@@ -89,6 +89,7 @@ class PathTest {
       slot->left = event == EyeWalk::Event::left;
       slots.push_back(std::move(slot));
       Slot& here = *slots.back();
+      test::edit(scene_, here, parent == scene::kNone ? nullptr : slots[parent].get(), nullptr);
       const auto index_here = static_cast<std::uint32_t>(slots.size() - 1);
       const WeightedVertex* before = parent == scene::kNone ? nullptr : &slots[parent]->v;
       Contribution found;
@@ -182,6 +183,8 @@ class PathTest {
       note(walk, *slot, parent);
       slots.push_back(std::move(slot));
       Slot& here = *slots.back();
+      test::edit(scene_, here, parent == scene::kNone ? nullptr : slots[parent].get(),
+                 &origin_.vertex.emitter);
       const auto index_here = static_cast<std::uint32_t>(slots.size() - 1);
       if (counts_.light_image > 0 && wanted(here.v) && here.v.connectible && here.v.edges < rules_.max_edges)
         to_lens(c, sampler, slots, index_here);
@@ -272,6 +275,7 @@ class PathTest {
   // The light's walk goes on from z to the very place of y, and is merged there.
   void check_merge(const FullPath& path, const WeightedVertex& z, const WeightedVertex& y, Vec3 to_light) {
     const bool surface = y.kind == VertexKind::surface;
+    if (by_path_) return;  // no merges with such edits
     if ((surface ? counts_.merge_surface : counts_.merge_medium) == 0) return;
     const Evaluation evaluation(scene_, path, {rules_.film_border, rules_.eye_paths});
     if (!evaluation.valid()) return;
@@ -403,7 +407,7 @@ class PathTest {
       findings_.weight.add(
           relative_difference(weights[i], found.weight) - evaluation.rounding(), kTight,
           what + " weight " + std::to_string(found.weight) + " oracle " + std::to_string(weights[i]));
-      if (evaluation.closed_form()) {
+      if (evaluation.closed_form() && !by_path_) {
         auto value = evaluation.estimator_value(techniques[i]);
         // connect() divides by the share of pairs in media that are connected.
         const std::vector<bool>& in_medium = evaluation.numbers().in_medium;
@@ -447,6 +451,8 @@ class PathTest {
   VaryingEta<Heuristic> eta_field_;
   MergeFactors eta_;  // along the eye path
   std::uint32_t every_;
+  const bool by_path_ =
+      scene_.objects().path_edits != nullptr;  // edits whose values the oracle does not know
   film::Tallies tallies_;
   TechniqueList list_;
   WeightTerms terms_;

@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "common/bundle/gather.h"
+#include "worker/scene/bsdfs/path_edited.h"
+#include "worker/scene/objects.h"
 #include "worker/transport/reference/reference.h"
 #include "worker/transport/technique/connect.h"
 #include "worker/transport/technique/connect_lens.h"
@@ -36,8 +38,9 @@ struct Slot {
   scene::ClosureArena arena;
   std::uint32_t block = 0;  // of the sampler
   bool stratified = false;
-  bool left = false;      // the walk left the scene here
-  double delta_prob = 0;  // of the delta lobe it went on by, if any
+  bool left = false;                         // the walk left the scene here
+  double delta_prob = 0;                     // of the delta lobe it went on by, if any
+  std::unique_ptr<scene::EditedWalk> edits;  // if the scene has some that select by the path
 };
 using Slots = std::vector<std::unique_ptr<Slot>>;
 
@@ -48,6 +51,22 @@ void note(const WalkT& walk, Slot& slot, std::uint32_t parent) {
   slot.v.left_by_delta = false;
   slot.block = walk.draws().block;
   slot.stratified = walk.stratified();
+}
+
+// As estimators with edits that select by the path do it with a vertex before they use it. before: the slot
+// of the vertex before; null: it is the first of a walk from the eye, or from the lamp of this number.
+inline void edit(const scene::Scene& scene, Slot& slot, const Slot* before, const std::uint32_t* lamp) {
+  const scene::PathEdits* const edits = scene.objects().path_edits.get();
+  if (edits == nullptr || slot.left) return;
+  slot.edits = std::make_unique<scene::EditedWalk>(*edits, true);
+  if (before != nullptr)
+    slot.edits->follow(*before->edits);
+  else if (lamp != nullptr)
+    slot.edits->begin_at_lamp(*lamp);
+  else
+    slot.edits->begin_at_eye();
+  slot.v.closure = slot.edits->surface(slot.v.hit, slot.v.closure);
+  if (lamp == nullptr) slot.edits->towards_lamp(0);
 }
 
 // The random numbers of the slot's vertex.

@@ -45,6 +45,17 @@ struct OneTechnique {
   bool eye_goes_on(std::uint32_t edges) const { return edges + 1 < t; }
 };
 
+// A configuration for images: all techniques, numbers of a sampler.
+template <transport::Between kB, class MisT, class SinkT, bool kL = false>
+struct BidirectionalConfig {
+  static constexpr transport::Between kBetween = kB;
+  static constexpr bool kLists = kL;
+  using Mis = MisT;
+  using Sampler = samplers::Sampler;
+  using Sink = SinkT;
+  using Choice = EveryTechnique;
+};
+
 // What kernels with edits that select by more of the path than the vertex know of both subpaths
 // (scene/bsdfs/path_edited.h).
 template <bool kEdits>
@@ -63,15 +74,17 @@ struct EditedSubpaths {
 template <class Sink>
 concept RecordsPaths = Sink::kRecordsPaths;
 
-// Config: kBetween; kEdits, which may be left out: with EditedSubpaths; Mis; kLists: heuristics that need all
+// Config: kBetween; kEdits, which may be left out: with EditedSubpaths; kLetters, likewise: with letters for
+// layers by expressions, which kernels for media always have; Mis; kLists: heuristics that need all
 // densities, Mis is Balance then; Sampler; Choice: one of the above; Sink, with
 //   eye(contribution, s, t)              techniques of t >= 2: along the eye's ray
 //   sum()                                of these, so far
 //   light(contribution, s, t, at, key, letters, labels)
 //                                        t < 2: to be divided by the number of light paths. labels: of the
 //                                        path; null where nobody asks for layers of expressions
-// A sink that records paths is shown the subpaths of a contribution just before it; see RecordsPaths. A
-// configuration may mollify paths that no technique can sample; see Mollifying. Its plan has light paths.
+// BidirectionalConfig has the usual ones. A sink that records paths is shown the subpaths of a contribution
+// just before it; see RecordsPaths. A configuration may mollify paths that no technique can sample; see
+// Mollifying. Its plan has light paths.
 template <class Config>
 class Bidirectional {
  public:
@@ -80,6 +93,9 @@ class Bidirectional {
   static constexpr bool kRecords = RecordsPaths<typename Config::Sink>;
   static constexpr bool kMollifies = Mollifying<Config>;
   static constexpr bool kEdits = requires { requires Config::kEdits; };
+  static constexpr bool kLetters = kBetween == transport::Between::media || requires {
+    requires Config::kLetters;
+  };
   using Mis = typename Config::Mis;
   using Sampler = typename Config::Sampler;
   using Sink = typename Config::Sink;
@@ -100,9 +116,10 @@ class Bidirectional {
         eye_rules_(eye_rules(options, techniques, counts)),
         light_rules_(light_rules(options, techniques, counts)),
         edits_(scene),
-        path_letters_(letters),
-        eye_letters_(transport::eye_letters<kBetween>(letters)) {
-    if (eye_letters_) light_letters_.emplace(*letters);
+        path_letters_(letters) {
+    if (!kLetters || letters == nullptr) return;
+    eye_letters_.emplace(*letters);
+    light_letters_.emplace(*letters);
   }
 
   // The light path of the sampler, kept.
@@ -153,7 +170,8 @@ class Bidirectional {
   struct EyeSide;
 
   bool reads_letters() const {
-    return transport::reads_letters<kBetween>(eye_letters_ ? &*eye_letters_ : nullptr);
+    if constexpr (kLetters) return eye_letters_.has_value();
+    return false;
   }
   void to_light_sink(const transport::Contribution& found, std::uint32_t s, std::uint32_t t,
                      transport::FilmPosition film, std::uint64_t key) {

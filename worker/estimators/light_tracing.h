@@ -59,10 +59,11 @@ class LightTracing {
     const transport::Contribution found = transport::hit_lens(context_, walk, eta_, film);
     if (!(found.weight > 0)) return;
     const Spectrum value = found.weighted() * each_;
-    const bool kept = splatter_.splat(0, film, value, rng::combine(key, 2), tallies_);
-    if (reads_letters() && kept)
-      splatter_.splat_layers(letters_->letters(), letters_->met_lens(), film, value, rng::combine(key, 2),
-                             tallies_);
+    if (reads_letters())
+      splatter_.splat_labelled(letters_->letters(), letters_->met_lens(), film, value, rng::combine(key, 2),
+                               tallies_);
+    else
+      splatter_.splat(0, film, value, rng::combine(key, 2), tallies_);
   }
   bool vertex(const LightWalk& walk, const Vertex& v, std::uint64_t key) {
     crossed(walk);
@@ -77,12 +78,12 @@ class LightTracing {
         transport::connect_lens<kBetween, Mis>(context_, walk.draws(), v, eta_, film, found, nullptr,
                                                reads_letters() ? &towards : nullptr)) {
       const Spectrum value = found.weighted() * each_;
-      const bool kept = splatter_.splat(0, film, value, rng::combine(key, 3), tallies_);
+      const bool kept =
+          reads_letters() ? splatter_.splat_labelled(letters_->letters(), letters_->connected(v, towards.wi),
+                                                     film, value, rng::combine(key, 3), tallies_)
+                          : splatter_.splat(0, film, value, rng::combine(key, 3), tallies_);
       if (kept && image_layer_ != 0)
         splatter_.splat(image_layer_, film, value, rng::combine(key, 3), tallies_);
-      if (reads_letters() && kept)
-        splatter_.splat_layers(letters_->letters(), letters_->connected(v, towards.wi), film, value,
-                               rng::combine(key, 3), tallies_);
     }
     return true;
   }

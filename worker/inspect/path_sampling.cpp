@@ -9,14 +9,8 @@ namespace candela::inspect {
 namespace {
 
 // One form for all scenes.
-struct RecordingConfig {
-  static constexpr transport::Between kBetween = transport::Between::media;
-  static constexpr bool kLists = false;
-  using Mis = transport::Balance;
-  using Sampler = samplers::Sampler;
-  using Sink = RecordingSink;
-  using Choice = estimators::EveryTechnique;
-};
+using RecordingConfig =
+    estimators::BidirectionalConfig<transport::Between::media, transport::Balance, RecordingSink>;
 
 constexpr std::uint64_t kBatches = 32, kSamplesPerTask = 8192;
 

@@ -49,7 +49,7 @@ class Tracer {
     for (const transport::LabelledSum& sum : letters.sums().sums()) {
       const Spectrum part = sum.sum - before;
       before = sum.sum;
-      const auto matches = [&](std::size_t c) { return !letters_.layers(sum.labels.of[c]).empty(); };
+      const auto matches = [&](std::size_t c) { return letters_.layer_bits(sum.labels.of[c]) != 0; };
       chosen += Spectrum(matches(0) ? part.r : 0, matches(1) ? part.g : 0, matches(2) ? part.b : 0);
     }
     return chosen;
@@ -63,6 +63,11 @@ class Tracer {
   const transport::PathLetters letters_;
   estimators::RadianceFunction<samplers::Sampler> radiance_;
 };
+
+Error medium_error() {
+  return usage_error("the probe is in another medium than the camera")
+      .with_mend("move it, or look at the side of the camera: --disc");
+}
 
 Result<PathOptions> path_options(const Session& session) {
   CANDELA_ASSIGN(
@@ -109,7 +114,7 @@ class Mapper {
     const Probe& probe = request_.probe;
     const double cosine = probe.normal ? static_cast<double>(dot(d, *probe.normal)) : 0;
     if (probe.normal && !(cosine > 0)) return;
-    const Ray ray = ray_of(probe, d, on_disk);
+    const Ray ray = integrators::probe_ray(probe, d, on_disk);
     const scene::Scene& scene = session_.scene();
     if (scene.features().media > 0 && scene.medium_at(ray) != scene.camera_medium(ray)) {
       out.other_medium = true;
@@ -127,30 +132,12 @@ class Mapper {
     out.irradiance += as_double(value) * (step * cosine);
   }
 
-  static Ray ray_of(const Probe& probe, Vec3 d, Vec2 on_disk) {
-    const Vec3 axis = probe.normal ? *probe.normal : d;
-    const Vec2 place = warp::concentric_disk(on_disk);
-    const auto radius = static_cast<float>(probe.radius);
-    const Frame frame = make_frame(axis);
-    Vec3 origin = probe.center + frame.s * (place.x * radius) + frame.t * (place.y * radius);
-    if (probe.error > 0) {
-      const Vec3 up = probe.normal ? *probe.normal : d;
-      origin += up * probe.error;
-    }
-    return {origin, d};
-  }
-
   const Session& session_;
   const MapRequest& request_;
   const Tracer trace_;
 };
 
 }  // namespace
-
-Vec3 map_direction(double u, double v) {
-  const double phi = 2 * std::numbers::pi * u, theta = std::numbers::pi * v;
-  return Vec3(Vec3d(std::sin(theta) * std::sin(phi), std::cos(theta), -std::sin(theta) * std::cos(phi)));
-}
 
 Result<Probe> probe_of_pixel(const Session& session, std::uint32_t x, std::uint32_t y) {
   float response = 1;
@@ -181,10 +168,42 @@ Result<RadianceMap> map_radiance(const Session& session, const MapRequest& reque
         map.not_finite += row.not_finite;
         other_medium |= row.other_medium;
       });
-  if (other_medium)
-    return usage_error("the probe is in another medium than the camera")
-        .with_mend("move it, or look at the side of the camera: --disc");
+  if (other_medium) return medium_error();
   return map;
+}
+
+void integrate_map(const Probe& probe, RadianceMap& map) {
+  map.fluence = map.irradiance = {};
+  for (std::uint32_t y = 0; y < map.height; ++y) {
+    const double v = (y + 0.5) / map.height;
+    const double angle =
+        2 * std::numbers::pi / map.width * std::numbers::pi / map.height * std::sin(std::numbers::pi * v);
+    for (std::uint32_t x = 0; x < map.width; ++x) {
+      const float* rgb = &map.rgb[3 * (std::size_t{y} * map.width + x)];
+      const Vec3d light =
+          Vec3d(static_cast<double>(rgb[0]), static_cast<double>(rgb[1]), static_cast<double>(rgb[2])) *
+          angle;
+      map.fluence += light;
+      if (!probe.normal) continue;
+      const Vec3 d = map_direction((x + 0.5) / map.width, v);
+      map.irradiance += light * std::max(0.0, static_cast<double>(dot(d, *probe.normal)));
+    }
+  }
+}
+
+Result<void> check_medium(const Session& session, const Probe& probe) {
+  const scene::Scene& scene = session.scene();
+  if (scene.features().media == 0) return {};
+  constexpr int kSide = 32;
+  for (int i = 0; i < kSide * kSide; ++i) {
+    const float u = (static_cast<float>(i % kSide) + 0.5f) / kSide,
+                v = (static_cast<float>(i / kSide) + 0.5f) / kSide;
+    const Vec3 d = map_direction(static_cast<double>(u), static_cast<double>(v));
+    if (probe.normal && !(dot(d, *probe.normal) > 0)) continue;
+    const Ray ray = integrators::probe_ray(probe, d, {v, u});
+    if (scene.medium_at(ray) != scene.camera_medium(ray)) return medium_error();
+  }
+  return {};
 }
 
 std::vector<float> preview(const Session& session, std::uint32_t width, std::uint32_t height,

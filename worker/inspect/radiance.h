@@ -1,7 +1,5 @@
-// Radiance along rays that need not be the camera's, by the path tracer: maps of directions, and previews.
-//
-// Maps are in latitude and longitude as Mitsuba's envmap has them: the top row is +y, and column u of 1 looks
-// along (sin 2 pi u, 0, -cos 2 pi u). So a map can be the envmap of another scene.
+// Radiance along rays that need not be the camera's, by the path tracer: maps of directions
+// (integrators/sphere/probe.h), and previews.
 #pragma once
 
 #include <cstdint>
@@ -10,17 +8,12 @@
 
 #include "common/base/result.h"
 #include "worker/inspect/session.h"
+#include "worker/integrators/sphere/probe.h"
 
 namespace candela::inspect {
 
-// Rays of direction d start on the disk across d around the center; with a normal, on the disk across the
-// normal, in directions of its side alone.
-struct Probe {
-  Vec3 center;  // of the scene
-  double radius = 0;
-  std::optional<Vec3> normal;  // unit
-  float error = 0;             // of the center: rays of a disk on a surface begin so far above it
-};
+using integrators::map_direction;
+using integrators::Probe;
 
 // The surface that the camera sees at the center of a pixel: a disk on its visible side. Errors (usage): none
 // is there.
@@ -41,12 +34,15 @@ struct RadianceMap {
   std::uint64_t not_finite = 0;  // samples left out
 };
 
+// Fills fluence and irradiance of a map that has its pixels, by the pixels' middles.
+void integrate_map(const Probe& probe, RadianceMap& map);
+
+// Fails (usage) if the probe is in another medium than the camera.
+Result<void> check_medium(const Session& session, const Probe& probe);
+
 // The settings of the session's job are those of `path`. Lamps that no ray can meet (points, directions) are
 // in the light of surfaces alone. Errors: settings; a probe in another medium than the camera's.
 Result<RadianceMap> map_radiance(const Session& session, const MapRequest& request);
-
-// The direction that place (u, v) of a map looks in, both in [0, 1].
-Vec3 map_direction(double u, double v);
 
 // The picture of the camera, of this size; linear Rec.709. Deterministic, whatever the threads.
 std::vector<float> preview(const Session& session, std::uint32_t width, std::uint32_t height,

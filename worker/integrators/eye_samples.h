@@ -94,8 +94,9 @@ Result<void> run_eye_samples(const UnitContext& context, const Unit& unit, film:
               }() * sample.weight;
               if (run.fault != nullptr) run.fault(key, &value.r);
               const bool kept = film.add(0, x, y, {value.r, value.g, value.b}, key, tallies, signed_values);
-              if (letters && kept) letters->sums().write(film, x, y, sample.weight, key);
+              if (letters && kept) letters->sums().gather(film, sample.weight, key);
             }
+            if (letters) letters->sums().write_gathered(film, x, y);
             tallies.eye_samples += unit.end - unit.begin;
           }
         }

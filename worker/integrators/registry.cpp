@@ -3,6 +3,7 @@
 #include <string_view>
 
 #include "common/job/integrator_words.h"
+#include "common/job/tools.h"
 #include "worker/integrators/appm/appm.h"
 #include "worker/integrators/bdpt/bdpt.h"
 #include "worker/integrators/cppm/cppm.h"
@@ -13,6 +14,7 @@
 #include "worker/integrators/path/path.h"
 #include "worker/integrators/ppm/ppm.h"
 #include "worker/integrators/pssmlt/pssmlt.h"
+#include "worker/integrators/sphere/sphere.h"
 #include "worker/integrators/upbp/upbp.h"
 #include "worker/integrators/vcm/vcm.h"
 #include "worker/integrators/vcmplus/vcmplus.h"
@@ -38,7 +40,20 @@ std::vector<IntegratorEntry> product_integrators() {
   };
 }
 
+namespace {
+
+// Those of jobs of `candela inspect`: nobody chooses one for an image, so that they stand in no list.
+const std::vector<IntegratorEntry>& tool_integrators() {
+  static const std::vector<IntegratorEntry> entries = {
+      integrator_entry<SphereSettings>(tools::kSphere, &make_sphere_integrator)};
+  return entries;
+}
+
+}  // namespace
+
 Result<const IntegratorEntry*> find_integrator(std::string_view name) {
+  for (const IntegratorEntry& entry : tool_integrators())
+    if (entry.name == name) return &entry;
   std::string names;
   for (const IntegratorEntry& entry : registry()) {
     if (entry.name == name) return &entry;

@@ -27,26 +27,14 @@ class Splatter {
         signed_(filter.has_negative_lobes()),
         to_pixels_{1 / camera_units.x, 1 / camera_units.y} {}
 
-  // The parts of a value that splat() took with this key, by the labels of its path.
-  void splat_layers(const PathLetters& letters, const ChannelLabels& labels, FilmPosition at, Spectrum value,
-                    std::uint64_t key, film::Tallies& tallies) const {
-    for (std::uint8_t layer = 0; layer < letters.layer_count(); ++layer) {
-      const auto part = [&](std::size_t c, float v) {
-        const auto layers = letters.layers(labels.of[c]);
-        return std::ranges::find(layers, layer) == layers.end() ? 0.0f : v;
-      };
-      const Spectrum own = {part(0, value.r), part(1, value.g), part(2, value.b)};
-      if (!own.is_black()) splat(letters.first_layer() + layer, at, own, key, tallies);
-    }
-  }
-
   // Splats the parts of an eye path's or a chain's value, whose prefixes are `parts`.
   void splat_parts(LayerUnits& units, std::uint32_t offset, std::span<LabelledSum> parts, FilmPosition at,
                    std::uint64_t key) const {
     for (LabelledSum& part : parts) part.sum *= to_pixels_.x * to_pixels_.y;
     for_each_pixel({at.x * to_pixels_.x, at.y * to_pixels_.y},
                    [&](std::uint32_t x, std::uint32_t y, float f) {
-                     units.write(parts, f, film_, x, y, pixel_key(key, x, y), offset);
+                     units.gather(parts, f, film_, pixel_key(key, x, y));
+                     units.write(film_, x, y, offset);
                      return true;
                    });
   }
@@ -61,6 +49,21 @@ class Splatter {
       const Spectrum share = value * f;
       // A value that is refused is refused, and counted, once.
       return film_.splat(layer, x, y, {share.r, share.g, share.b}, pixel_key(key, x, y), tallies, signed_);
+    });
+  }
+  // The same on the image, and on the layers of expressions by the labels of the value's path: each pixel's
+  // share is rounded once.
+  bool splat_labelled(const PathLetters& letters, const ChannelLabels& labels, FilmPosition at,
+                      Spectrum value, std::uint64_t key, film::Tallies& tallies) const {
+    at = {at.x * to_pixels_.x, at.y * to_pixels_.y};
+    value *= to_pixels_.x * to_pixels_.y;
+    return for_each_pixel(at, [&](std::uint32_t x, std::uint32_t y, float f) {
+      const Spectrum share = value * f;
+      const std::uint64_t own_key = pixel_key(key, x, y);
+      if (!film_.splat(0, x, y, {share.r, share.g, share.b}, own_key, tallies, signed_)) return false;
+      const auto units = film_.units({share.r, share.g, share.b}, film::dither_word(own_key));
+      transport::splat_labelled(letters, labels, units, film_, x, y);
+      return true;
     });
   }
 

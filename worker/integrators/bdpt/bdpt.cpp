@@ -2,6 +2,7 @@
 #include "worker/integrators/bdpt/bdpt.h"
 
 #include "worker/estimators/edited_subpaths.h"
+#include "worker/integrators/bdpt/lettered.h"
 #include "worker/integrators/bdpt/mollified.h"
 #include "worker/integrators/bdpt/run_kernel.h"
 #include "worker/integrators/bidirectional/plan.h"
@@ -19,14 +20,8 @@ using transport::Between;
 using transport::MisHeuristic;
 
 template <Between kB, class MisT, bool kL, bool kE = false>
-struct FilmConfig {
-  static constexpr Between kBetween = kB;
+struct FilmConfig : estimators::BidirectionalConfig<kB, MisT, bdpt::FilmSink, kL> {
   static constexpr bool kEdits = kE;
-  static constexpr bool kLists = kL;
-  using Mis = MisT;
-  using Sampler = samplers::Sampler;
-  using Sink = bdpt::FilmSink;
-  using Choice = estimators::EveryTechnique;
 };
 
 using bdpt::Run;
@@ -61,6 +56,9 @@ class BdptIntegrator final : public IterationIntegrator {
       chosen = run_for<Between::media, true>(options_.heuristic);
     else if (regularization_.runs())
       chosen = bdpt::mollified_run_for(options_.heuristic);
+    else if (const scene::SceneFeatures& f = context.scene.features();
+             context.letters != nullptr && f.media == 0 && !f.any_straight)
+      chosen = bdpt::lettered_run_for(options_.heuristic);
     else
       chosen = with_between(planned_.between,
                             [&](auto between) { return run_for<between()>(options_.heuristic); });

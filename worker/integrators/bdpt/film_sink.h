@@ -45,8 +45,10 @@ class FilmSink {
              transport::FilmPosition at, std::uint64_t key, const transport::PathLetters* letters,
              const transport::ChannelLabels* labels) {
     const Spectrum weighted = light.weighted() * each_;
-    const bool kept = splatter_.splat(0, at, weighted, key, tallies_);
-    if (labels != nullptr && kept) splatter_.splat_layers(*letters, *labels, at, weighted, key, tallies_);
+    if (labels != nullptr)
+      splatter_.splat_labelled(*letters, *labels, at, weighted, key, tallies_);
+    else
+      splatter_.splat(0, at, weighted, key, tallies_);
     if (!layers_.any()) return;
     if (const std::uint32_t layer = layers_.weighted(s, t); layer != TechniqueLayers::kNoLayer)
       splatter_.splat(layer, at, weighted, key, tallies_);

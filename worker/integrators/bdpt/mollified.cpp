@@ -21,14 +21,9 @@ class MollifyingSink : public FilmSink {
 };
 
 template <class MisT, bool kL>
-struct MollifiedConfig {
-  static constexpr transport::Between kBetween = transport::Between::media;
-  static constexpr bool kLists = kL;
+struct MollifiedConfig
+    : estimators::BidirectionalConfig<transport::Between::media, MisT, MollifyingSink, kL> {
   static constexpr bool kMollifies = true;
-  using Mis = MisT;
-  using Sampler = samplers::Sampler;
-  using Sink = MollifyingSink;
-  using Choice = estimators::EveryTechnique;
 };
 
 }  // namespace

@@ -44,8 +44,10 @@ Result<void> run_kernel(const UnitContext& context, const estimators::PathOption
               const bool kept =
                   film.splat(0, x, y, {value.r, value.g, value.b}, eye.sample_key(), tallies, signed_values);
               if (transport::LayerSums* sums = estimator.layer_sums(); sums != nullptr && kept)
-                sums->write(film, x, y, ray.weight, eye.sample_key());
+                sums->gather(film, ray.weight, eye.sample_key());
             }
+            if (transport::LayerSums* sums = estimator.layer_sums(); sums != nullptr)
+              sums->write_gathered(film, x, y);
             tallies.eye_samples += unit.end - unit.begin;
             if (run.stopped()) return;
           }

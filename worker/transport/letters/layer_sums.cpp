@@ -23,31 +23,54 @@ void LabelledParts::add(const ChannelLabels& labels, const Spectrum& value) {
   parts_.push_back({labels, value});
 }
 
-void LayerUnits::write(std::span<const LabelledSum> sums, float weight, film::UnitFilm& film, std::uint32_t x,
-                       std::uint32_t y, std::uint64_t key, std::uint32_t offset) {
+void LayerUnits::gather(std::span<const LabelledSum> sums, float weight, const film::UnitFilm& film,
+                        std::uint64_t key) {
+  const std::uint64_t word = film::dither_word(key);
   std::array<std::int64_t, kColors> before{};
   for (const LabelledSum& part : sums) {
     const Spectrum value = part.sum * weight;
-    const auto units = film.units({value.r, value.g, value.b}, key);
+    const auto units = film.units({value.r, value.g, value.b}, word);
     for (std::size_t c = 0; c < kColors; ++c) {
       const std::int64_t difference = units[c] - before[c];
-      before[c] = units[c];
-      if (difference == 0) continue;
-      for (const std::uint8_t layer : letters_.layers(part.labels.of[c])) {
-        if (touched_[layer] == 0) {
-          touched_[layer] = 1;
-          units_[layer] = {};
-          used_.push_back(layer);
-        }
-        units_[layer][c] += difference;
+      const letters::Automaton::Label label = part.labels.of[c];
+      if (touched_[label] == 0) {
+        touched_[label] = 1;
+        units_[label] = {};
+        used_.push_back(label);
       }
+      wrapped_ |= __builtin_add_overflow(units_[label][c], difference, &units_[label][c]);
     }
+    before = units;
   }
-  for (const std::uint8_t layer : used_) {
-    film.splat_units(letters_.first_layer() + offset + layer, x, y, units_[layer]);
-    touched_[layer] = 0;
+}
+
+void LayerUnits::write(film::UnitFilm& film, std::uint32_t x, std::uint32_t y, std::uint32_t offset) {
+  if (wrapped_) [[unlikely]]
+    film.note_overflow();
+  wrapped_ = false;
+  for (const letters::Automaton::Label label : used_) {
+    touched_[label] = 0;
+    const std::array<std::int64_t, kColors>& units = units_[label];
+    if ((units[0] | units[1] | units[2]) == 0) continue;
+    for (std::uint64_t bits = letters_.layer_bits(label); bits != 0; bits &= bits - 1)
+      film.splat_units(letters_.first_layer() + offset + static_cast<std::uint32_t>(std::countr_zero(bits)),
+                       x, y, units);
   }
   used_.clear();
+}
+
+void splat_labelled(const PathLetters& letters, const ChannelLabels& labels,
+                    const std::array<std::int64_t, kColors>& units, film::UnitFilm& film, std::uint32_t x,
+                    std::uint32_t y) {
+  std::array<std::uint64_t, kColors> bits;
+  std::uint64_t all = 0;
+  for (std::size_t c = 0; c < kColors; ++c) all |= bits[c] = letters.layer_bits(labels.of[c]);
+  for (; all != 0; all &= all - 1) {
+    const int layer = std::countr_zero(all);
+    const auto part = [&](std::size_t c) { return (bits[c] >> layer & 1) != 0 ? units[c] : 0; };
+    film.splat_units(letters.first_layer() + static_cast<std::uint32_t>(layer), x, y,
+                     {part(0), part(1), part(2)});
+  }
 }
 
 void LayerSums::add(const Spectrum& before, const Spectrum& sum, const LabelledParts& parts,
@@ -56,7 +79,7 @@ void LayerSums::add(const Spectrum& before, const Spectrum& sum, const LabelledP
   Spectrum prefix = before;
   for (std::size_t i = 0; i < all.size(); ++i) {
     prefix += all[i].value * factor;
-    sums_.push_back({i + 1 == all.size() ? sum : prefix, all[i].labels});
+    add(i + 1 == all.size() ? sum : prefix, all[i].labels);
   }
 }
 

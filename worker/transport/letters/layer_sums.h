@@ -41,25 +41,33 @@ class LabelledParts {
   std::vector<Part> parts_;
 };
 
-// Units for each layer of a pixel, before they go to the film.
+// Units for each layer of a pixel, before they go to the film. They are gathered by label, over as many
+// samples of the pixel as come one after another: most labels stand for several layers, and most pixels have
+// few labels.
 class LayerUnits {
  public:
   explicit LayerUnits(const PathLetters& letters)
-      : letters_(letters), units_(letters.layer_count()), touched_(letters.layer_count(), 0) {}
+      : letters_(letters), units_(letters.label_count()), touched_(letters.label_count(), 0) {}
 
-  // Adds the parts of a value whose prefixes are `sums`, each times `weight`, rounded as the film does with
-  // this key, to the film's pixel, in the layers of expressions from number `offset` on. Precondition: the
-  // film took the last of them.
-  void write(std::span<const LabelledSum> sums, float weight, film::UnitFilm& film, std::uint32_t x,
-             std::uint32_t y, std::uint64_t key, std::uint32_t offset = 0);
+  // Gathers the parts of a value whose prefixes are `sums`, each times `weight`, rounded as the film does
+  // with this key. Precondition: the film took the last of them.
+  void gather(std::span<const LabelledSum> sums, float weight, const film::UnitFilm& film, std::uint64_t key);
+  // Adds what is gathered to a pixel of the film, in the layers of expressions from number `offset` on.
+  void write(film::UnitFilm& film, std::uint32_t x, std::uint32_t y, std::uint32_t offset = 0);
   std::uint32_t layer_count() const { return letters_.layer_count(); }
 
  private:
   const PathLetters& letters_;
-  std::vector<std::array<std::int64_t, kColors>> units_;  // by layer
-  std::vector<std::uint8_t> touched_;
-  std::vector<std::uint8_t> used_;
+  std::vector<std::array<std::int64_t, kColors>> units_;  // by label
+  std::vector<std::uint8_t> touched_;                     // by label
+  std::vector<letters::Automaton::Label> used_;
+  bool wrapped_ = false;
 };
+
+// Adds units of one contribution to a pixel of the film, in the layers of its labels.
+void splat_labelled(const PathLetters& letters, const ChannelLabels& labels,
+                    const std::array<std::int64_t, kColors>& units, film::UnitFilm& film, std::uint32_t x,
+                    std::uint32_t y);
 
 class LayerSums {
  public:
@@ -68,8 +76,14 @@ class LayerSums {
 
   // A path is next.
   void clear() { sums_.clear(); }
-  // sum: of the path, with the contribution.
-  void add(const Spectrum& sum, const ChannelLabels& labels) { sums_.push_back({sum, labels}); }
+  // sum: of the path, with the contribution. Parts of one label that follow each other are one part: their
+  // differences telescope.
+  void add(const Spectrum& sum, const ChannelLabels& labels) {
+    if (!sums_.empty() && sums_.back().labels == labels)
+      sums_.back().sum = sum;
+    else
+      sums_.push_back({sum, labels});
+  }
   // Adds a contribution in parts, each times `factor`; the parts lead from `before` to `sum` but for
   // rounding.
   void add(const Spectrum& before, const Spectrum& sum, const LabelledParts& parts, const Spectrum& factor);
@@ -82,7 +96,15 @@ class LayerSums {
   // LayerUnits::write.
   void write(film::UnitFilm& film, std::uint32_t x, std::uint32_t y, float weight, std::uint64_t key,
              std::uint32_t offset = 0) {
-    units_.write(sums_, weight, film, x, y, key, offset);
+    gather(film, weight, key);
+    write_gathered(film, x, y, offset);
+  }
+  // The same in two steps: the second for all paths of a pixel at once.
+  void gather(const film::UnitFilm& film, float weight, std::uint64_t key) {
+    units_.gather(sums_, weight, film, key);
+  }
+  void write_gathered(film::UnitFilm& film, std::uint32_t x, std::uint32_t y, std::uint32_t offset = 0) {
+    units_.write(film, x, y, offset);
   }
 
  private:

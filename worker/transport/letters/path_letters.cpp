@@ -22,6 +22,11 @@ PathLetters::PathLetters(letters::Automaton automaton, const letters::LayerReque
   for (const std::uint32_t object : scene.objects().of_emitter)
     lamp_state_.push_back(automaton_.forward(automaton_.forward_start(),
                                              automaton_.class_of(Letter::lamp, Side::none, object, 0)));
+  for (std::size_t label = 0; label < automaton_.label_count(); ++label) {
+    std::uint64_t& bits = layer_bits_.emplace_back(0);
+    for (const std::uint8_t layer : automaton_.layers(static_cast<letters::Automaton::Label>(label)))
+      bits |= std::uint64_t{1} << layer;
+  }
 }
 
 ChannelStates PathLetters::at_outside(Vec3 d, std::uint64_t key) const {

@@ -10,7 +10,6 @@
 
 #include <array>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "common/letters/automaton.h"
@@ -85,10 +84,9 @@ class PathLetters {
     return result;
   }
 
-  // The layers of a label, numbered from first_layer() on the film.
-  std::span<const std::uint8_t> layers(letters::Automaton::Label label) const {
-    return automaton_.layers(label);
-  }
+  // Bit i: a path of this label is in layer first_layer() + i of the film. Label 0 is in none.
+  std::uint64_t layer_bits(letters::Automaton::Label label) const { return layer_bits_[label]; }
+  std::size_t label_count() const { return layer_bits_.size(); }
   std::uint32_t first_layer() const { return first_layer_; }
   std::uint32_t layer_count() const { return layer_count_; }
 
@@ -104,6 +102,7 @@ class PathLetters {
   const std::uint32_t first_layer_, layer_count_;
   const bool several_outside_;
   std::vector<letters::Automaton::State> lamp_state_;  // by emitter
+  std::vector<std::uint64_t> layer_bits_;              // by label
 };
 
 }  // namespace candela::transport

@@ -6,6 +6,8 @@
 
 #include "worker/core/math.h"
 #include "worker/scene/bsdfs/delta_lobes.h"
+#include "worker/scene/bsdfs/path_edited.h"
+#include "worker/scene/objects.h"
 #include "worker/transport/between.h"
 
 namespace candela::transport::path {
@@ -258,6 +260,15 @@ void Evaluation::evaluate_inner(std::size_t i) {
     const Vec3 local_light = v.hit.shading.to_local(to_light), local_eye = v.hit.shading.to_local(to_eye);
     x.from_light = scene_.closure(v.hit, local_light, x.arena_light);
     x.from_eye = scene_.closure(v.hit, local_eye, x.arena_eye);
+    if (const scene::PathEdits* edits = scene_.objects().path_edits.get()) {
+      x.light_walk = std::make_shared<scene::EditedWalk>(*edits, true);
+      x.light_walk->begin_at_lamp(0);
+      x.from_light = x.light_walk->surface(v.hit, x.from_light);
+      x.eye_walk = std::make_shared<scene::EditedWalk>(*edits, true);
+      x.eye_walk->begin_at_eye();
+      x.from_eye = x.eye_walk->surface(v.hit, x.from_eye);
+      x.eye_walk->towards_lamp(0);
+    }
     if (v.delta) {
       evaluate_delta(i, local_light, local_eye);
       return;

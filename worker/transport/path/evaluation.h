@@ -22,6 +22,10 @@
 
 #include "worker/transport/path/full_path.h"
 
+namespace candela::scene {
+class EditedWalk;
+}
+
 namespace candela::transport::path {
 
 // Everything about a path in its scene.
@@ -65,6 +69,9 @@ class Evaluation {
   struct Inner {
     scene::Closure from_light, from_eye;
     scene::ClosureArena arena_light, arena_eye;
+    // With edits that select by the path: the densities that both walks' weights know. Values are those of
+    // the vertex alone.
+    std::shared_ptr<scene::EditedWalk> light_walk, eye_walk;
     std::array<double, 3> value{};              // rho_i
     double prob_to_eye = 0, prob_to_light = 0;  // true densities of the directions
   };
