@@ -103,7 +103,7 @@ std::optional<double> HalfVectorMutator::log_pdf_area(const PathState& from, con
   double sum = log_pdf_slopes(here->chain, there->chain.slopes) + there->chain.jacobian.log_abs_det();
   for (std::size_t i = 0; i < there->chain.alphas.size(); ++i)
     if (!(there->chain.alphas[i] > 0))
-      sum += math::log(projected_by_constraint(Form::slope, there->chain.chain, i + 1));
+      sum += math::log(light_angle_by_constraint(there->chain.chain, i + 1));
   if (!std::isfinite(sum)) return std::nullopt;
   return sum;
 }

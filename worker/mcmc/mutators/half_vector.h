@@ -3,8 +3,8 @@
 // has to be found back from.
 //
 // The density of a walk is that of its slopes times |J|: in the measure of areas. A specular vertex has no
-// density of a slope; its delta function is in half vectors, and contribution leaves it out in directions, so
-// that its |d o_perp / d c| is part of T.
+// density of a slope; its delta function is in half vectors, and contribution leaves it out in directions
+// towards the light, so that |d omega / d c| of these is part of T.
 #pragma once
 
 #include <optional>
