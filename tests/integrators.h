@@ -110,6 +110,7 @@ inline const std::vector<IntegratorRow>& integrators() {
        .deaths = 20,
        .soak_iterations = 30},
       {.name = "mmlt", .chains = true, .farm_share = 0.04, .small = few_chains},
+      {.name = "mlt", .chains = true, .farm_share = 0.04, .small = few_chains},
   };
   return rows;
 }

@@ -118,7 +118,7 @@ picture is Mitsuba's but for polarization or a width next to none.
 | `microflake` * | `isotropic`, as in 0.6 without a field of orientations |
 | `tabphase` | `hg` of the same mean cosine |
 | another phase function; a medium | `isotropic`; `homogeneous` |
-| an integrator | `path` (`photonmapper`, `upm`: `ppm`; `mlt`, `erpt`: `mmlt`) |
+| an integrator | `path` (`photonmapper`, `upm`: `ppm`; `erpt`: `mmlt`) |
 | a `point`, `spot`, ... inside a shape | the same beside the shape, in its frame |
 | a shape, emitter or volume | nothing: it is left out |
 | a parameter under a near name (`toWorld`, `baseColor`, `density` of a medium) | that parameter, if its value fits |

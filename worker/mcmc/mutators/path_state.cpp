@@ -6,12 +6,10 @@
 namespace candela::mcmc {
 
 std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
-                                    float film_border) {
-  auto assembled = transport::path::assemble(scene, path, film_border);
+                                    const transport::path::Rules& rules) {
+  auto assembled = transport::path::assemble(scene, path, rules.film_border);
   if (!assembled) return std::nullopt;
   PathState out;
-  transport::path::Rules rules;
-  rules.film_border = film_border;
   out.stands_on_ = std::make_shared<PathState::StandsOn>(scene, *std::move(assembled), rules);
   const transport::path::Evaluation& evaluation = out.evaluation();
   if (!evaluation.valid()) return std::nullopt;

@@ -46,7 +46,7 @@ class PathState {
 
  private:
   friend std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
-                                             float film_border);
+                                             const transport::path::Rules& rules);
   struct StandsOn {
     StandsOn(const scene::Scene& scene, transport::path::Assembled whole, const transport::path::Rules& rules)
         : assembled(std::move(whole)), evaluation(scene, assembled.path, rules) {}
@@ -62,6 +62,6 @@ class PathState {
 // Nothing: the path carries no light, or it leaves the film. film_border: pixels around the film that count
 // as on it.
 std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
-                                    float film_border = 0);
+                                    const transport::path::Rules& rules = {});
 
 }  // namespace candela::mcmc
