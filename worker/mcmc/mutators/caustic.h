@@ -11,20 +11,16 @@
 #include <optional>
 #include <string_view>
 
+#include "worker/mcmc/mutators/context.h"
 #include "worker/mcmc/mutators/mutator.h"
 #include "worker/mcmc/mutators/tracing.h"
 
 namespace candela::mcmc {
 
-struct CausticRules {
-  double film_area = 1;  // in pixels
-  LogStep film;          // in pixels
-};
-
 class CausticMutator final : public PathMutator {
  public:
-  // The scene must outlive this.
-  CausticMutator(const scene::Scene& scene, const CausticRules& rules) : scene_(scene), rules_(rules) {}
+  // film: of the lens perturbation.
+  CausticMutator(const MutatorContext& context, LogStep film) : context_(context), film_(film) {}
 
   std::string_view name() const override { return "caustic"; }
   double suitability(const PathState& from) const override;
@@ -34,8 +30,8 @@ class CausticMutator final : public PathMutator {
  private:
   LogStep angles(const PathState& from, std::size_t begin) const;
 
-  const scene::Scene& scene_;
-  CausticRules rules_;
+  const MutatorContext context_;
+  LogStep film_;
 };
 
 }  // namespace candela::mcmc

@@ -1,6 +1,5 @@
 #include "worker/mcmc/mutators/lens.h"
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -12,8 +11,6 @@ namespace path = transport::path;
 using path::Kind;
 
 namespace {
-
-constexpr double kFilmShare = 0.05, kMinStep = 0.1;
 
 // Where a new chain begins: at a vertex that is not specular, before a specular one.
 bool begins_chain(const path::Path& path, std::size_t i) {
@@ -36,17 +33,6 @@ std::optional<std::size_t> traced_end(const path::Path& path, bool multichain) {
 
 }  // namespace
 
-LensRules LensRules::of_film(bool multichain, double width, double height, float border) {
-  LensRules rules;
-  rules.multichain = multichain;
-  rules.film_width = width;
-  rules.film_height = height;
-  rules.film_border = border;
-  rules.film.min = kMinStep;
-  rules.film.max = std::max(4 * kMinStep, std::sqrt(kFilmShare * width * height / std::numbers::pi));
-  return rules;
-}
-
 double LensMutator::suitability(const PathState& from) const {
   return traced_end(from.path, rules_.multichain) ? 1 : 0;
 }
@@ -59,12 +45,10 @@ Proposal LensMutator::propose(const PathState& from, rng::Stream& stream) const 
   math::sincos(2 * std::numbers::pi * stream.next_double(), sine, cosine);
   const double x = static_cast<double>(from.assembled().film.x) + radius * cosine,
                y = static_cast<double>(from.assembled().film.y) + radius * sine;
-  const auto border = static_cast<double>(rules_.film_border);
-  if (!(x >= -border && y >= -border && x < rules_.film_width + border && y < rules_.film_height + border))
-    return MutationFailure::dark;
+  if (!on_film(context_, x, y)) return MutationFailure::dark;
 
   path::Path path = from.path;
-  const Tracer tracer(scene_, from);
+  const Tracer tracer(context_.scene, from);
   const auto chain_end = [&](std::size_t i) {
     while (i > *end && path.vertices[i].delta) --i;
     return i;
@@ -86,12 +70,10 @@ std::optional<double> LensMutator::log_pdf_area(const PathState& from, const Pat
   const auto end = traced_end(from.path, rules_.multichain);
   const std::size_t k = from.path.edge_count();
   if (!end || !differ_within(from.path, to.path, *end, k)) return std::nullopt;
-  const auto &here = from.assembled().film, &there = to.assembled().film;
-  const auto step = rules_.film.log_pdf_plane(std::hypot(static_cast<double>(there.x) - static_cast<double>(here.x),
-                                                         static_cast<double>(there.y) - static_cast<double>(here.y)));
+  const auto step = rules_.film.log_pdf_plane(film_distance(from, to));
   if (!step) return std::nullopt;
-  double sum = *step + log_film_per_direction(to, rules_.film_width * rules_.film_height) +
-               log_area_towards_light(to, *end, k);
+  double sum =
+      *step + log_film_per_direction(to, context_.domain_area()) + log_area_towards_light(to, *end, k);
   for (std::size_t i = *end + 1; i < k; ++i) {
     if (!begins_chain(from.path, i)) continue;
     const auto turn = rules_.angle.log_pdf_solid_angle(
@@ -99,7 +81,7 @@ std::optional<double> LensMutator::log_pdf_area(const PathState& from, const Pat
     if (!turn) return std::nullopt;
     sum += *turn;
   }
-  if (!std::isfinite(sum) || !Tracer(scene_, from).stops_at(to, k, k - 1, *end)) return std::nullopt;
+  if (!std::isfinite(sum) || !Tracer(context_.scene, from).stops_at(to, k, k - 1, *end)) return std::nullopt;
   return sum;
 }
 

@@ -51,7 +51,8 @@ std::vector<Choice> choices(const path::Path& path) {
 }
 
 double draw_scale(rng::Stream& stream) {
-  return kScales[std::min(static_cast<std::size_t>(stream.next_double() * kScales.size()), kScales.size() - 1)];
+  return kScales[std::min(static_cast<std::size_t>(stream.next_double() * kScales.size()),
+                          kScales.size() - 1)];
 }
 
 // Per area of the plane.
@@ -91,8 +92,7 @@ Vec3d direction_at(const PathState& state, const Choice& choice) {
                               : state.assembled().edges[choice.a].direction;
 }
 
-bool make_chain(const scene::Scene& scene, const PathState& state, const Choice& choice,
-                path::Segment& out) {
+bool make_chain(const scene::Scene& scene, const PathState& state, const Choice& choice, path::Segment& out) {
   return path::make_segment(scene, state.path, state.assembled(), std::min(choice.b, choice.c),
                             std::max(choice.b, choice.c), out) == path::NoSegment::none;
 }
@@ -105,23 +105,20 @@ double ManifoldMutator::suitability(const PathState& from) const {
 
 // The angle at a that moves the film position by the step, if nothing but distances counts.
 double ManifoldMutator::angle_scale(const PathState& from, const Choice& choice) const {
-  const double width = pixel_width(from, rules_.film_width * rules_.film_height,
-                                   length_between(from, choice.b, from.path.edge_count()));
-  return std::min(rules_.step * width / length_between(from, choice.a, choice.b), kMaxAngle);
+  const double width =
+      pixel_width(from, context_.domain_area(), length_between(from, choice.b, from.path.edge_count()));
+  return std::min(step_ * width / length_between(from, choice.a, choice.b), kMaxAngle);
 }
 
 bool ManifoldMutator::trace(const PathState& from, const Choice& choice, rng::Stream& stream,
                             path::Path& path) const {
-  const Tracer tracer(scene_, from);
+  const Tracer tracer(context_.scene, from);
   const double scale = draw_scale(stream), u = stream.next_double(), v = stream.next_double();
   if (choice.a == path.edge_count()) {
-    const Pair offset = normal_pair(u, v) * (rules_.step * scale);
+    const Pair offset = normal_pair(u, v) * (step_ * scale);
     const double x = static_cast<double>(from.assembled().film.x) + offset.x,
                  y = static_cast<double>(from.assembled().film.y) + offset.y;
-    const auto border = static_cast<double>(rules_.film_border);
-    if (!(x >= -border && y >= -border && x < rules_.film_width + border && y < rules_.film_height + border))
-      return false;
-    return tracer.trace_film(x, y, path, choice.b);
+    return on_film(context_, x, y) && tracer.trace_film(x, y, path, choice.b);
   }
   const double angle = von_mises_angle(angle_scale(from, choice) * scale, u);
   return tracer.trace(choice.a, turned(direction_at(from, choice), angle, 2 * std::numbers::pi * v), path,
@@ -131,21 +128,21 @@ bool ManifoldMutator::trace(const PathState& from, const Choice& choice, rng::St
 Proposal ManifoldMutator::propose(const PathState& from, rng::Stream& stream) const {
   const std::vector<Choice> all = choices(from.path);
   if (all.empty()) return MutationFailure::no_path;
-  const Choice choice =
-      all[std::min(static_cast<std::size_t>(stream.next_double() * static_cast<double>(all.size())),
-                   all.size() - 1)];
+  const Choice choice = all[std::min(
+      static_cast<std::size_t>(stream.next_double() * static_cast<double>(all.size())), all.size() - 1)];
   path::Path path = from.path;
   if (!trace(from, choice, stream, path)) return MutationFailure::no_path;
   if (!choice.walks()) return path;
 
   path::Segment segment;
-  if (!make_chain(scene_, from, choice, segment)) return MutationFailure::no_path;
+  if (!make_chain(context_.scene, from, choice, segment)) return MutationFailure::no_path;
   Chain moved = segment.chain;
   ChainVertex& end = choice.from_sensor() ? moved.vertices.back() : moved.vertices.front();
-  if (!path::set_end_surface(scene_, path.vertices[choice.b].point, end)) return MutationFailure::no_path;
+  if (!path::set_end_surface(context_.scene, path.vertices[choice.b].point, end))
+    return MutationFailure::no_path;
   const std::vector<Pair> held(moved.inner_count());
   const std::vector<double> near(moved.inner_count(), tolerance(1, 0));
-  const path::SceneSurfaces surfaces(scene_, segment);
+  const path::SceneSurfaces surfaces(context_.scene, segment);
   if (!walk(moved, held, near, surfaces, kWalkRules).converged()) return MutationFailure::no_convergence;
   if (!returns(moved, segment.chain, held, near, surfaces, kWalkRules)) return MutationFailure::no_return;
   return path::with_segment(path, segment, moved);
@@ -154,7 +151,8 @@ Proposal ManifoldMutator::propose(const PathState& from, rng::Stream& stream) co
 // Of the specular vertices between b and c, given these.
 std::optional<double> ManifoldMutator::log_pdf_walk(const PathState& to, const Choice& choice) const {
   path::Segment segment;
-  if (!make_chain(scene_, to, choice, segment) || fault_of(segment.chain) != Fault::none) return std::nullopt;
+  if (!make_chain(context_.scene, to, choice, segment) || fault_of(segment.chain) != Fault::none)
+    return std::nullopt;
   BlockTridiagonal jacobian;
   if (!jacobian.factor(blocks(Form::slope, segment.chain))) return std::nullopt;
   double sum = jacobian.log_abs_det();
@@ -175,10 +173,8 @@ std::optional<double> ManifoldMutator::log_pdf_area(const PathState& from, const
   const Choice choice = *chosen;
   double sum = -math::log(static_cast<double>(all.size()));
   if (choice.a == from.path.edge_count()) {
-    const auto &here = from.assembled().film, &there = to.assembled().film;
-    sum += log_pdf_normal(rules_.step, std::hypot(static_cast<double>(there.x) - static_cast<double>(here.x),
-                                                  static_cast<double>(there.y) - static_cast<double>(here.y))) +
-           log_film_per_direction(to, rules_.film_width * rules_.film_height);
+    sum +=
+        log_pdf_normal(step_, film_distance(from, to)) + log_film_per_direction(to, context_.domain_area());
   } else {
     sum += log_pdf_von_mises(angle_scale(from, choice), direction_at(from, choice), direction_at(to, choice));
   }
@@ -186,14 +182,14 @@ std::optional<double> ManifoldMutator::log_pdf_area(const PathState& from, const
     sum += log_area_towards_light(to, choice.b, choice.a);
   else
     sum += log_area_towards_sensor(to, choice.a, choice.b) +
-           log_turns_towards_sensor(scene_, to, choice.a, choice.b);
+           log_turns_towards_sensor(context_.scene, to, choice.a, choice.b);
   if (choice.walks()) {
     const auto walked = log_pdf_walk(to, choice);
     if (!walked) return std::nullopt;
     sum += *walked;
   }
   const std::size_t first = choice.from_sensor() ? choice.a - 1 : choice.a + 1;
-  if (!std::isfinite(sum) || !Tracer(scene_, from).stops_at(to, choice.a, first, choice.b))
+  if (!std::isfinite(sum) || !Tracer(context_.scene, from).stops_at(to, choice.a, first, choice.b))
     return std::nullopt;
   return sum;
 }

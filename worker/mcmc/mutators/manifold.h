@@ -19,22 +19,17 @@
 #include <optional>
 #include <string_view>
 
+#include "worker/mcmc/mutators/context.h"
 #include "worker/mcmc/mutators/mutator.h"
 #include "worker/mcmc/mutators/tracing.h"
 #include "worker/transport/path/segment.h"
 
 namespace candela::mcmc {
 
-struct ManifoldRules {
-  double film_width = 1, film_height = 1;  // in pixels
-  float film_border = 0;
-  double step = 10;  // standard deviation on the film, in pixels, at the largest scale
-};
-
 class ManifoldMutator final : public PathMutator {
  public:
-  // The scene must outlive this.
-  ManifoldMutator(const scene::Scene& scene, const ManifoldRules& rules) : scene_(scene), rules_(rules) {}
+  // step: standard deviation on the film, in pixels, at the largest scale.
+  ManifoldMutator(const MutatorContext& context, double step) : context_(context), step_(step) {}
 
   std::string_view name() const override { return "manifold"; }
   double suitability(const PathState& from) const override;
@@ -54,8 +49,8 @@ class ManifoldMutator final : public PathMutator {
              transport::path::Path& path) const;
   std::optional<double> log_pdf_walk(const PathState& to, const Choice& choice) const;
 
-  const scene::Scene& scene_;
-  ManifoldRules rules_;
+  const MutatorContext context_;
+  double step_;
 };
 
 }  // namespace candela::mcmc

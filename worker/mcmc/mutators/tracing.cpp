@@ -1,5 +1,6 @@
 #include "worker/mcmc/mutators/tracing.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
@@ -68,14 +69,32 @@ double angle_between(Vec3d a, Vec3d b) {
 }
 
 Vec3d turned(Vec3d direction, double angle, double azimuth) {
-  const auto [s, t] = transport::manifold::has_pole_frame(direction)
-                          ? transport::manifold::pole_frame(direction)
-                          : transport::manifold::PoleFrame{transport::manifold::kPoleS,
-                                                           transport::manifold::kPoleT};
+  const auto [s, t] =
+      transport::manifold::has_pole_frame(direction)
+          ? transport::manifold::pole_frame(direction)
+          : transport::manifold::PoleFrame{transport::manifold::kPoleS, transport::manifold::kPoleT};
   double sine = 0, cosine = 0, across = 0, along = 0;
   math::sincos(angle, sine, cosine);
   math::sincos(azimuth, across, along);
   return normalize(direction * cosine + (s * along + t * across) * sine);
+}
+
+bool on_film(const MutatorContext& context, double x, double y) {
+  const auto border = static_cast<double>(context.film_border);
+  return x >= -border && y >= -border && x < context.film_width + border && y < context.film_height + border;
+}
+
+double film_distance(const PathState& a, const PathState& b) {
+  const transport::FilmPosition p = a.assembled().film, q = b.assembled().film;
+  const double x = static_cast<double>(p.x) - static_cast<double>(q.x),
+               y = static_cast<double>(p.y) - static_cast<double>(q.y);
+  return std::sqrt(x * x + y * y);
+}
+
+LogStep film_step(const MutatorContext& context) {
+  constexpr double kMin = 0.1, kShare = 0.05;
+  const double radius = std::sqrt(kShare * context.film_width * context.film_height / std::numbers::pi);
+  return {kMin, std::max(4 * kMin, radius)};
 }
 
 double log_film_per_direction(const PathState& state, double film_area) {
@@ -97,7 +116,8 @@ double log_area_towards_light(const PathState& state, std::size_t begin, std::si
 double log_area_towards_sensor(const PathState& state, std::size_t begin, std::size_t end) {
   const path::PathNumbers& n = state.evaluation().numbers();
   double sum = 0;
-  for (std::size_t i = begin; i < end; ++i) sum += math::log(n.factor_to_light[i + 1] / n.distance_squared[i]);
+  for (std::size_t i = begin; i < end; ++i)
+    sum += math::log(n.factor_to_light[i + 1] / n.distance_squared[i]);
   return sum;
 }
 
@@ -185,13 +205,13 @@ bool Tracer::turn(Beam& beam, const path::PathVertex& vertex, bool towards_light
   const scene::SurfaceGeometry at = scene_.points().at(vertex.point);
   const Vec3 wo = beam.hit.shading.to_local(Vec3(-beam.direction));
   scene::ClosureArena arena;
-  const auto lobes = scene::delta_lobes(scene_.closure(beam.hit, wo, arena), wo,
-                                        towards_light ? scene::TransportMode::radiance : scene::TransportMode::importance);
+  const auto lobes =
+      scene::delta_lobes(scene_.closure(beam.hit, wo, arena), wo,
+                         towards_light ? scene::TransportMode::radiance : scene::TransportMode::importance);
   const scene::DeltaLobe* lobe = find_lobe(lobes, vertex.transmitted);
   if (lobe == nullptr) return false;
   const Vec3d normal = at.has_shading_derivatives ? at.n : Vec3d(beam.hit.shading.n);
-  const auto exact =
-      turned_at(normal, -beam.direction, vertex.transmitted, static_cast<double>(lobe->eta));
+  const auto exact = turned_at(normal, -beam.direction, vertex.transmitted, static_cast<double>(lobe->eta));
   const Vec3d rounded = normalize(Vec3d(beam.hit.shading.to_world(lobe->wi)));
   // A bsdf may turn its normal once more.
   const Vec3d direction = exact && dot(*exact, rounded) > 1 - 1e-5 ? *exact : rounded;

@@ -12,6 +12,7 @@
 
 #include "common/rng/stream.h"
 #include "worker/core/vec.h"
+#include "worker/mcmc/mutators/context.h"
 #include "worker/mcmc/mutators/path_state.h"
 #include "worker/transport/path/path.h"
 
@@ -38,8 +39,16 @@ double angle_between(Vec3d a, Vec3d b);
 // `direction` (unit) turned by the angle, around an azimuth in [0, 2 pi).
 Vec3d turned(Vec3d direction, double angle, double azimuth);
 
+bool on_film(const MutatorContext& context, double x, double y);
+// Between film positions, in pixels.
+double film_distance(const PathState& a, const PathState& b);
+
+// The steps of film positions: from a tenth of a pixel to a disk of 5 % of the film
+// [Veach 1997, Sec. 11.4.3.1].
+LogStep film_step(const MutatorContext& context);
+
 // Pixels of film area per solid angle of the last edge at the lens; of an orthographic sensor per area
-// across the edge. film_area: of the whole film in pixels.
+// across the edge. film_area: MutatorContext::domain_area().
 double log_film_per_direction(const PathState& state, double film_area);
 // The width of a pixel at a place whose way to the sensor is as long as `distance` says.
 double pixel_width(const PathState& state, double film_area, double distance);
