@@ -14,6 +14,7 @@
 #include "tests/statistical/quantiles.h"
 #include "tests/unit/path_walks.h"
 #include "worker/mcmc/mutators/caustic.h"
+#include "worker/mcmc/mutators/half_vector.h"
 #include "worker/mcmc/mutators/lens.h"
 #include "worker/mcmc/mutators/manifold.h"
 #include "worker/scene/points/surface_points.h"
@@ -269,6 +270,9 @@ std::string pane(const std::string& moves) {
   return "<shape type='cube'><transform name='to_world'><scale x='1.5' y='1.5' z='0.15'/>" + moves +
          "</transform><bsdf type='dielectric'/></shape>";
 }
+const std::string kWater =
+    "<shape type='rectangle'><transform name='to_world'><scale value='4'/><rotate x='1' angle='-80'/>"
+    "<translate y='1.3' z='3'/></transform><bsdf type='dielectric'/></shape>";
 // A mirror at the side, and a ball of it.
 const std::string kMirror =
     "<shape type='rectangle'><transform name='to_world'><scale value='4'/><rotate y='1' angle='-90'/>"
@@ -300,14 +304,22 @@ TEST(LensMutator, NeedsADiffuseNeighborOfItsEnd) {
 
 TEST(CausticMutator, HasTheDensityOfItsProposals) {
   const auto make = [](const MutatorContext& context) { return CausticMutator(context, {0.4, 6}); };
-  check(kWall + kBall + spot("0.5, 2.5, 1", "0, 0, 3", "20"), {"SSD", true}, make, 420, 2, 6000, 40000);
+  {
+    SCOPED_TRACE("a ball");
+    check(kWall + kBall + spot("0.5, 2.5, 1", "0, 0, 3", "20"), {"SSD", true}, make, 420, 1, 6000, 40000);
+  }
+  {
+    // A ball or a pane bends light back when it leaves them: their factors cancel.
+    SCOPED_TRACE("under water");
+    check(kWall + kWater + spot("0.3, 2.5, 2", "0, 0, 3.5", "30"), {"SD", true}, make, 425, 2, 6000, 25000);
+  }
 }
 
 TEST(MultichainMutator, HasTheDensityOfItsProposals) {
   const auto make = [](const MutatorContext& context) {
-    return LensMutator(context, {true, {0.5, 6}, {0.1, 0.8}});
+    return LensMutator(context, {true, {2, 6}, {0.2, 1}});
   };
-  check(kWall + kMirror + point("x='0' y='1.5' z='1'"), {"DSD"}, make, 430, 2, 6000, 80000);
+  check(kWall + kMirror + point("x='0' y='1.5' z='1'"), {"DSD"}, make, 430, 2, 6000, 400000);
 }
 
 TEST(ManifoldMutator, HasTheDensityOfItsProposals) {
@@ -328,6 +340,14 @@ TEST(ManifoldMutator, HasTheDensityOfItsProposals) {
     check(kWall + pane("<rotate y='1' angle='20'/><translate z='1.8'/>") + point("x='0.5' y='2' z='3.5'"),
           {"DSS"}, make, 460, 2, 6000, 25000);
   }
+}
+
+// Their specular vertices, too, have the densities that belong to the path's contribution.
+TEST(HalfVectorMutators, HaveTheDensityOfTheirProposalsThroughGlass) {
+  const auto make = [](const MutatorContext& context) {
+    return HalfVectorMutator(context.scene, {false, {1, 4}});
+  };
+  check(kWall + kWater + spot("0.3, 2.5, 2", "0, 0, 3.5", "30"), {"SD", true}, make, 480, 2, 6000, 25000);
 }
 
 // Over facets a walk from X may come to a path from which no walk comes back to X.
