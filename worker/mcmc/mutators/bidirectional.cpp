@@ -8,6 +8,7 @@
 
 namespace candela::mcmc {
 
+using transport::path::Kind;
 using transport::path::PathVertex;
 
 namespace {
@@ -35,6 +36,9 @@ void BidirectionalMutator::for_each_addition(const Subpaths::Kept& kept, std::si
     const std::size_t vertices = kept.light + kept.eye + a;
     if (vertices < std::size_t{context_.min_edges} + 1 || vertices > std::size_t{context_.max_edges} + 1)
       continue;
+    // The same path: nothing changes, or a pinhole takes its own place.
+    const bool pinhole_alone = kept.eye == 0 && deleted == 1 && !context_.scene.reads_lens();
+    if (a == deleted && (deleted == 0 || pinhole_alone)) continue;
     if (subpaths_.choices(kept, a).count == 0) continue;
     visit(a, weight_of_addition(a > deleted ? a - deleted : deleted - a));
   }
@@ -95,20 +99,24 @@ Proposal BidirectionalMutator::propose(const PathState& from, rng::Stream& strea
   });
   const Subpaths::Choices choices = subpaths_.choices(kept, added);
   const auto choice = static_cast<std::size_t>(stream.next_double() * static_cast<double>(choices.count));
-  return subpaths_.make(&from, kept, added, choices.first + std::min(choice, choices.count - 1), stream);
+  Proposal made =
+      subpaths_.make(&from, kept, added, choices.first + std::min(choice, choices.count - 1), stream);
+  if (made && *made == from.path) return MutationFailure::no_path;  // a lamp in its own place
+  return made;
 }
 
 std::optional<double> BidirectionalMutator::log_pdf_area(const PathState& from, const PathState& to) const {
   const auto changed = transport::path::changed_range(from.path, to.path);
   const std::size_t count = from.path.vertices.size(), to_count = to.path.vertices.size();
-  // Of equal vertices next to a range that grows or shrinks, each may be the end: both ends are tried alone.
+  const std::size_t front = changed.begin, back = count - changed.end;
+  // A vertex that is equal was kept, for to make it again has no probability: but an end of which there is
+  // one.
+  const PathVertex& light = from.path.vertices.front();
+  const bool one_light = light.kind == Kind::point_light || light.kind == Kind::directed_light;
+  const bool one_sensor = !context_.scene.reads_lens();
   const auto keeps = [&](const Subpaths::Kept& kept) {
-    if (kept.light + kept.eye > to_count) return false;
-    for (std::size_t i = changed.begin; i < kept.light; ++i)
-      if (!(from.path.vertices[i] == to.path.vertices[i])) return false;
-    for (std::size_t i = count - changed.end; i < kept.eye; ++i)
-      if (!(from.path.vertices[count - 1 - i] == to.path.vertices[to_count - 1 - i])) return false;
-    return true;
+    return (kept.light == front || (kept.light == 0 && front == 1 && one_light)) &&
+           (kept.eye == back || (kept.eye == 0 && back == 1 && one_sensor));
   };
   const Ranges& all = ranges(from);
   LogSum sum;

@@ -5,7 +5,8 @@
 // d vertices are taken away with a weight of p_d(d), among all ranges whose ends turn by no delta lobe; ends
 // of the path may be among them, d is at most 16. a vertices come in with the weight p_a(a - d), among
 // numbers that give a path of the chain's lengths. Since several ranges may make the same path, the density
-// is the sum over all of them, in both directions.
+// is the sum over all of them, in both directions. Ranges that would have to make a vertex again as it was
+// are none of them, since that has no probability: but an end of which there is one, such as a pinhole.
 #pragma once
 
 #include <optional>

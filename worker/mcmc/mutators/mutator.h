@@ -19,7 +19,10 @@
 // makes
 //                    Y, or of one way if the choice of ways is a function of (X, Y) that is the same in both
 //                    directions. Delta functions of specular vertices are left out as f leaves them out: they
-//                    are per solid angle towards the light (path/evaluation.h). Nothing: X never proposes Y.
+//                    are per solid angle towards the light (path/evaluation.h). Ways that would have to make
+//                    a vertex of X again by chance do not count beside those that keep it: but a point or
+//                    directed light, and a sensor without a lens, are the same whoever makes them. Nothing: X
+//                    never proposes Y.
 //
 // What a mutator computes of one state for several of these calls it keeps as PathState::memo(this, ...).
 // A mutator is immutable but for the scene's own caches; each chain and thread has its own.

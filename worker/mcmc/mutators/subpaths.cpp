@@ -244,8 +244,10 @@ const Subpaths::Densities& Subpaths::densities(const PathState& state) const {
     made->light_direct = log_of(n.light_direct);
     made->light_prob = log_of(n.light_prob);
     made->light.push(0);
-    for (std::size_t i = 1; i <= k; ++i) made->light.push(log_of(evaluation.step_density(true, i)));
-    for (std::size_t i = 0; i < k; ++i) made->eye.push(log_of(evaluation.step_density(false, i)));
+    for (std::size_t i = 1; i < k; ++i) made->light.push(log_of(evaluation.step_density(true, i)));
+    made->light.push(n.lens_can_be_hit ? log_of(evaluation.step_density(true, k)) : kNever);
+    made->eye.push(n.light_can_be_hit ? log_of(evaluation.step_density(false, 0)) : kNever);
+    for (std::size_t i = 1; i < k; ++i) made->eye.push(log_of(evaluation.step_density(false, i)));
     made->eye.push(log_of(n.lens_prob));
     made->stay_light.assign(k + 1, 0);
     made->stay_eye.assign(k + 1, 0);
