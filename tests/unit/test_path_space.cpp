@@ -171,6 +171,51 @@ TEST(PathSpace, IndependentPathsHaveTheirDensity) {
   }
 }
 
+// All techniques that can make the paths of a length have the same mean of f over their density.
+TEST(PathSpace, TechniquesAgree) {
+  for (const path::Case& c : path::cases()) {
+    if (c.name == "two lamps") continue;  // no eye's walk meets one of them
+    SCOPED_TRACE(c.name);
+    const auto scene = path::scene_of(c);
+    const MutatorContext context = context_of(*scene);
+    const Subpaths subpaths(context);
+    constexpr std::size_t kCount = 3;
+    const Subpaths::Choices all = subpaths.choices({}, kCount);
+    std::vector<double> means, errors;
+    for (std::size_t s = all.first; s < all.first + all.count; ++s) {
+      rng::Stream stream(rng::key(46, 450, kCount, s));
+      double sum = 0, squares = 0;
+      constexpr int kSamples = 6000;
+      for (int n = 0; n < kSamples; ++n) {
+        const Proposal made = subpaths.make(nullptr, {}, kCount, s, stream);
+        if (!made) continue;
+        // Of paths without specular vertices: all techniques make these.
+        if (std::any_of(made->vertices.begin(), made->vertices.end(),
+                        [](const path::PathVertex& v) { return v.delta; }))
+          continue;
+        const auto state = path_state(*scene, *made, context.rules());
+        if (!state) continue;
+        const double x = state->scalar / std::exp(subpaths.log_pdf_area(*state, {}, s));
+        sum += x;
+        squares += x * x;
+      }
+      const double mean = sum / kSamples;
+      means.push_back(mean);
+      errors.push_back(std::sqrt((squares / kSamples - mean * mean) / kSamples));
+    }
+    // Few samples of some techniques have most of the light: only those that are known well are compared.
+    std::size_t best = 0, known = 0;
+    for (std::size_t i = 0; i < means.size(); ++i)
+      if (means[i] > 0 && !(errors[best] / means[best] < errors[i] / means[i])) best = i;
+    for (std::size_t i = 0; i < means.size(); ++i) {
+      if (!(means[i] > 0) || errors[i] > 0.1 * means[i]) continue;
+      ++known;
+      EXPECT_NEAR(means[i], means[best], 4.5 * std::hypot(errors[i], errors[best])) << i;
+    }
+    EXPECT_GE(known, 2u);
+  }
+}
+
 TEST(PathSpace, MutationsCanBeUndone) {
   for (const path::Case& c : path::cases()) {
     SCOPED_TRACE(c.name);

@@ -5,24 +5,21 @@
 // where pi is the probability of choosing the mutation at a path, and T its density in the measure of
 // PathState::contribution. mcmc/path_space.cpp does this; a mutator only knows two paths:
 //
-// suitability(X)     The weight of the mutation's choice at X. The space multiplies it by the mutation's
-//                    probability among the job's settings, and divides by the sum over all mutations. It is a
-//                    function of X alone, at most 1, and 0 where propose() cannot succeed for a reason that X
-//                    shows (too few vertices, a vertex in a medium). It should cost little.
-// propose(X)         A path, or why there is none, which counts as a rejection. All randomness is the
-// stream's.
-//                    The path is well-formed; its points are canonical ones of the scene; flags `delta` and
-//                    `transmitted` are set as the path turns. A pinhole's sensor vertex has the place {0.5,
-//                    0.5, 0}. Whether its edges are free, and whether it is on the film, is the space's
-//                    question.
-// log_pdf_area(X, Y) log T(X -> Y), anew from the two paths: the density of all ways in which propose(X)
-// makes
-//                    Y, or of one way if the choice of ways is a function of (X, Y) that is the same in both
-//                    directions. Delta functions of specular vertices are left out as f leaves them out: they
-//                    are per solid angle towards the light (path/evaluation.h). Ways that would have to make
-//                    a vertex of X again by chance do not count beside those that keep it: but a point or
-//                    directed light, and a sensor without a lens, are the same whoever makes them. Nothing: X
-//                    never proposes Y.
+// suitability(X): the weight of the mutation's choice at X. The space multiplies it by the mutation's share
+// among the job's settings, and divides by the sum over all mutations. It is a function of X alone, at most
+// 1, and 0 where propose() cannot succeed for a reason that X shows. It should cost little.
+//
+// propose(X): a path, or why there is none, which counts as a rejection. All randomness is the stream's. The
+// path is well-formed; its points are canonical ones of the scene; the flags `delta` and `transmitted` are
+// set as the path turns. The sensor vertex of a pinhole has the place {0.5, 0.5, 0}. Whether edges are free,
+// and whether the path is on the film, is the space's question.
+//
+// log_pdf_area(X, Y): log T(X -> Y), anew from the two paths: the density of all ways in which propose(X)
+// makes Y, or of one way if the choice of ways is a function of (X, Y) that is the same in both directions.
+// Delta functions of specular vertices are left out as f leaves them out: they are per solid angle towards
+// the light (path/evaluation.h). Ways that would have to make a vertex of X again by chance do not count
+// beside those that keep it: but a point or directed light, and a sensor without a lens, are the same whoever
+// makes them. Nothing: X never proposes Y.
 //
 // What a mutator computes of one state for several of these calls it keeps as PathState::memo(this, ...).
 // A mutator is immutable but for the scene's own caches; each chain and thread has its own.

@@ -46,6 +46,23 @@ bool numbers_of_lens_point(const scene::Scene& scene, const scene::SurfaceHit& s
 
 }  // namespace
 
+std::optional<scene::CanonicalPoint> point_of_emitter(const scene::Scene& scene, std::uint32_t emitter,
+                                                      Vec3 p, Vec3 d, double near) {
+  constexpr int kMostInFront = 64;
+  const Vec3d line = normalize(Vec3d(d));
+  Ray ray{p - d * static_cast<float>(near), d};
+  for (int i = 0; i < kMostInFront; ++i) {
+    const auto point = scene.points().intersect(ray, Vec3d(p), line);
+    if (!point) return std::nullopt;
+    const scene::SurfaceHit found = scene.points().hit(*point);
+    const double off = length(Vec3d(found.p) - Vec3d(p));
+    if (found.emitter == emitter && off <= 1e-3 * near + 16 * static_cast<double>(found.error)) return point;
+    if (off > 2 * near) return std::nullopt;
+    ray = spawn_ray(found, d);
+  }
+  return std::nullopt;
+}
+
 Vec2 draw_lens(const scene::Scene& scene, rng::Stream& stream) {
   const float x = stream.next_float(), y = stream.next_float();
   return scene.reads_lens() ? Vec2{x, y} : Vec2{0.5f, 0.5f};
@@ -97,7 +114,11 @@ bool SubpathWalk::start_at_light(PathVertex& vertex) {
     vertex.kind = Kind::distant_light;
     vertex.place = -normalize(Vec3d(direction_));
   } else {
-    const auto point = scene_.points().of(light.vertex);
+    // Of meshes alone the sample names the triangle.
+    auto point = scene_.points().of(light.vertex);
+    if (!point)
+      point = point_of_emitter(scene_, light.vertex.emitter, light.vertex.p, -light.vertex.ng,
+                               1e-4 * static_cast<double>(scene_.features().radius));
     if (!point) return false;
     vertex.kind = Kind::surface_light;
     vertex.point = *point;

@@ -2,7 +2,7 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
+#include <optional>
 
 #include "common/rng/stream.h"
 #include "worker/mcmc/mutators/context.h"
@@ -58,6 +58,11 @@ class SubpathWalk {
   Vec3 direction_;
   bool from_point_ = false;  // a light that surfaces may go through
 };
+
+// The canonical point of emitter `emitter` near p, on a line that meets it along d (unit). near: how far
+// before p the line is looked at, and 1000 times how far off p the point may be.
+std::optional<scene::CanonicalPoint> point_of_emitter(const scene::Scene& scene, std::uint32_t emitter,
+                                                      Vec3 p, Vec3 d, double near);
 
 // Numbers that choose a point of the lens; those of a sensor that reads none are 1/2.
 Vec2 draw_lens(const scene::Scene& scene, rng::Stream& stream);

@@ -73,24 +73,12 @@ std::optional<PathVertex> light_seen(const scene::Scene& scene, const scene::Sur
     v.place = normalize(Vec3d(light.wi));
     return v;
   }
-  // The emitter's point near which this one is: a point of the same surface. What is in the way of light from
-  // it decides the contribution.
   v.kind = Kind::surface_light;
-  const double distance = length(Vec3d(light.p) - Vec3d(hit.p)), near = 1e-3 * distance;
-  Ray ray{light.p - light.wi * static_cast<float>(near), light.wi};
-  const Vec3d line = normalize(Vec3d(light.p) - Vec3d(hit.p));
-  constexpr int kMostInFront = 64;
-  for (int i = 0; i < kMostInFront; ++i) {
-    const auto point = scene.points().intersect(ray, Vec3d(hit.p), line);
-    if (!point) return std::nullopt;
-    const scene::SurfaceHit found = scene.points().hit(*point);
-    if (found.emitter == light.emitter && length(Vec3d(found.p) - Vec3d(light.p)) <= near) {
-      v.point = *point;
-      return v;
-    }
-    ray = spawn_ray(found, light.wi);
-  }
-  return std::nullopt;
+  const double distance = length(Vec3d(light.p) - Vec3d(hit.p));
+  const auto point = point_of_emitter(scene, light.emitter, light.p, light.wi, 1e-3 * distance);
+  if (!point) return std::nullopt;
+  v.point = *point;
+  return v;
 }
 
 // An emitter that the eye's walk meets by itself.
@@ -261,25 +249,30 @@ const Subpaths::Densities& Subpaths::densities(const PathState& state) const {
   });
 }
 
+double Subpaths::log_pdf_area(const PathState& state, const Kept& kept, std::size_t s) const {
+  const std::vector<PathVertex>& v = state.path.vertices;
+  const std::size_t count = v.size(), end = count - kept.eye;
+  const std::size_t joint = kept.light + s;  // the first vertex on the eye's side
+  const bool joins = joint > 0 && joint < count;
+  if (joins && (v[joint - 1].delta || v[joint].delta)) return kNever;
+  const Densities& d = densities(state);
+  double log_density = d.light.sum(kept.light, joint) + d.eye.sum(joint, end);
+  if (kept.light == 0 && s > 0) log_density += s == 1 ? d.light_direct : d.light_prob;
+  // A walk stays at its last vertex, unless that is an end.
+  const bool light_ends = joint > std::max<std::size_t>(kept.light, 1) && joint < count;
+  const bool eye_ends = joint < end && joint + 1 < count;
+  if (light_ends) log_density += d.stay_light[joint - 1];
+  if (eye_ends) log_density += d.stay_eye[joint];
+  return log_density;
+}
+
 std::optional<double> Subpaths::log_pdf_area(const PathState& state, const Kept& kept) const {
   const std::size_t count = state.path.vertices.size();
   if (count < kept.light + kept.eye) return std::nullopt;
-  const std::size_t added = count - kept.light - kept.eye, L = kept.light, end = count - kept.eye;
-  const Choices all = choices(kept, added);
+  const Choices all = choices(kept, count - kept.light - kept.eye);
   if (all.count == 0) return std::nullopt;
-  const Densities& d = densities(state);
-  const std::vector<PathVertex>& v = state.path.vertices;
   LogSum sum;
-  for (std::size_t s = all.first; s < all.first + all.count; ++s) {
-    const std::size_t joint = L + s;  // the first vertex on the eye's side
-    const bool joins = joint > 0 && joint < count;
-    if (joins && (v[joint - 1].delta || v[joint].delta)) continue;
-    double log_density = d.light.sum(L, joint) + d.eye.sum(joint, end);
-    if (L == 0 && s > 0) log_density += s == 1 ? d.light_direct : d.light_prob;
-    if (joint > std::max<std::size_t>(L, 1) && joint < count) log_density += d.stay_light[joint - 1];
-    if (joint < end && joint + 1 < count) log_density += d.stay_eye[joint];
-    sum.add(log_density);
-  }
+  for (std::size_t s = all.first; s < all.first + all.count; ++s) sum.add(log_pdf_area(state, kept, s));
   const auto total = sum.value();
   if (!total) return std::nullopt;
   return *total - math::log(static_cast<double>(all.count));

@@ -42,6 +42,8 @@ class Subpaths {
   // The log of the density with which make() chose the vertices of `path` that are not kept, over the choices
   // of s. Nothing: it never does.
   std::optional<double> log_pdf_area(const PathState& path, const Kept& kept) const;
+  // The same of one s; minus infinity: never.
+  double log_pdf_area(const PathState& path, const Kept& kept, std::size_t s) const;
 
  private:
   struct Densities;
