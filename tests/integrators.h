@@ -24,6 +24,8 @@ struct IntegratorRow {
   bool epochs = false;  // its radii are decided between epochs; `small` then has short ones
   // Iterations of a job on the farm that takes as long as one of path's with 1.
   double farm_share = 1;
+  // It renders media, and layers by expressions; without them it is in no test that has some among others.
+  bool everything = true;
   // Settings for which a few pixels are a small job.
   std::vector<std::pair<std::string, std::string>> small = {};
   // The integrator whose scenes and radii are its own too; empty: none other.
@@ -110,6 +112,7 @@ inline const std::vector<IntegratorRow>& integrators() {
        .deaths = 20,
        .soak_iterations = 30},
       {.name = "mmlt", .chains = true, .farm_share = 0.04, .small = few_chains},
+      {.name = "mlt", .chains = true, .farm_share = 0.04, .everything = false, .small = few_chains},
   };
   return rows;
 }

@@ -37,7 +37,6 @@ constexpr std::array<Nearest, 32> kNearest = {{
     {"bsdf", "retarder", "null"},
     {"integrator", "photonmapper", "ppm"},
     {"integrator", "upm", "ppm"},
-    {"integrator", "mlt", "mmlt"},
     {"integrator", "erpt", "mmlt"},
     {"emitter", "directionalarea", "area"},
     {"emitter", "collimated", "spot", true},

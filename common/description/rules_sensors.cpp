@@ -255,6 +255,15 @@ void add_integrators(std::vector<PluginRule>& table) {
   table.push_back(
       integrator_rule(words::kPssmlt, std::move(over), "Metropolis light transport in primary sample space"));
   table.push_back(integrator_rule(words::kMmlt, chains, "multiplexed Metropolis light transport"));
+  std::vector<PropertyRule> mutations = chains;
+  constexpr std::string_view kByName = "0.6: mutations have settings by their names: --set";
+  for (const std::string_view name :
+       {"bidirectional_mutation", "lens_perturbation", "multi_chain_perturbation", "caustic_perturbation",
+        "manifold_perturbation"})
+    mutations.push_back(ignored(name, {boolean}, kByName));
+  mutations.push_back(ignored("lambda", {number}, "0.6: the steps of mutations follow the scene"));
+  table.push_back(
+      integrator_rule(words::kMlt, std::move(mutations), "Metropolis light transport in path space"));
 }
 
 namespace {

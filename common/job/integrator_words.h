@@ -69,8 +69,10 @@ inline constexpr IntegratorWords kVcmplus{"vcmplus", 2, {0.9, "0.9"}};
 // 0: the default of the estimator that the chains are over.
 inline constexpr IntegratorWords kPssmlt{"pssmlt", 0};
 inline constexpr IntegratorWords kMmlt{"mmlt", 1024};
+// Of path tracing beside the chains alone, whose paths are short.
+inline constexpr IntegratorWords kMlt{"mlt", 5};
 
 inline constexpr std::array kIntegrators = {kPath,    kBdpt, kLight, kPpm,  kBpm,     kVcm,    kUpbp,
-                                            kOptimis, kFppm, kCppm,  kAppm, kVcmplus, kPssmlt, kMmlt};
+                                            kOptimis, kFppm, kCppm,  kAppm, kVcmplus, kPssmlt, kMmlt, kMlt};
 
 }  // namespace candela::integrator_words

@@ -19,6 +19,7 @@
 #include "common/base/files.h"
 #include "tests/golden/film_hash.h"
 #include "tests/golden/film_table.h"
+#include "tests/integrators.h"
 #include "tests/paths.h"
 #include "worker/render/renderer.h"
 
@@ -84,14 +85,20 @@ TEST(GoldenTable, IsReadable) {
   for (const GoldenFilm& film : table.films) EXPECT_NE(film.hash, "-") << film.name();
 }
 
-// Claim: every integrator renders every scene with its defaults.
+// Claim: every integrator renders every scene with its defaults; one that does not render all scenes has
+// some.
 TEST(GoldenTable, HasEveryIntegratorOnEveryScene) {
   const FilmTable table = read_table();
   std::set<std::string> names;
   for (const GoldenFilm& film : table.films) names.insert(film.name());
+  std::map<std::string, int> some;
   for (const std::string& scene : table.scenes())
     for (const std::string& integrator : render::integrator_names())
-      EXPECT_TRUE(names.count(scene + " " + integrator) == 1) << scene + " " + integrator + " is missing";
+      if (!test::integrator_row(integrator).everything)
+        some[integrator] += static_cast<int>(names.count(scene + " " + integrator));
+      else
+        EXPECT_TRUE(names.count(scene + " " + integrator) == 1) << scene + " " + integrator + " is missing";
+  for (const auto& [integrator, count] : some) EXPECT_GT(count, 9) << integrator;
 }
 
 // Claim: of every setting of every integrator, the table has a value other than the default; of a setting

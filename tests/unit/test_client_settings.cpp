@@ -330,7 +330,7 @@ TEST(Settings, BadValuesOfOtherIntegratorsDoNotCount) {
   TestScene scene;
   add_integer(*scene.integrator, "rr_depth", 4, 3);
   EXPECT_FALSE(prepare_job({scene.scene, {"scene.xml"}}, {}, facts).ok());
-  scene.integrator->plugin = "mlt";
+  scene.integrator->plugin = "erpt";
   SceneOptions options;
   options.integrator = "path";
   const auto job = prepare_job({scene.scene, {"scene.xml"}}, options, facts);
@@ -338,7 +338,7 @@ TEST(Settings, BadValuesOfOtherIntegratorsDoNotCount) {
   EXPECT_EQ(job->settings.integrator_settings, (SettingsMap{{"rr_depth", "4"}}));
   ASSERT_TRUE(job->other_integrator);
   EXPECT_EQ(job->other_integrator->text,
-            "the scene asks for the integrator 'mlt', the command line for 'path'; of the scene's counts "
+            "the scene asks for the integrator 'erpt', the command line for 'path'; of the scene's counts "
             "rr_depth = 4");
 }
 

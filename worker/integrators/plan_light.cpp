@@ -49,7 +49,9 @@ std::string missing_light(const scene::SceneFeatures& features, std::string_view
     return found == settings.end() ? std::string_view() : std::string_view(found->second);
   };
   const bool from_eye = integrator == "path" || (integrator == "pssmlt" && setting("over") == "path");
-  if (!from_eye && integrator != "bdpt" && integrator != "pssmlt" && integrator != "mmlt") return {};
+  if (!from_eye && integrator != "bdpt" && integrator != "pssmlt" && integrator != "mmlt" &&
+      integrator != "mlt")
+    return {};
   int depth = -1;
   const std::string_view text = setting("max_depth");
   std::from_chars(text.data(), text.data() + text.size(), depth);

@@ -9,6 +9,7 @@
 #include "worker/integrators/cppm/cppm.h"
 #include "worker/integrators/fppm/fppm.h"
 #include "worker/integrators/light/light.h"
+#include "worker/integrators/mlt/mlt.h"
 #include "worker/integrators/mmlt/mmlt.h"
 #include "worker/integrators/optimis/optimis.h"
 #include "worker/integrators/path/path.h"
@@ -37,6 +38,7 @@ std::vector<IntegratorEntry> product_integrators() {
       integrator_entry<VcmplusSettings>(integrator_words::kVcmplus.name, &make_vcmplus_integrator),
       integrator_entry<PssmltSettings>(integrator_words::kPssmlt.name, &make_pssmlt_integrator),
       integrator_entry<MmltSettings>(integrator_words::kMmlt.name, &make_mmlt_integrator),
+      integrator_entry<MltSettings>(integrator_words::kMlt.name, &make_mlt_integrator),
   };
 }
 

@@ -50,18 +50,21 @@ Result<void> check(const PrimarySettings& settings) {
 }
 
 ChainIntegrator::ChainIntegrator(const ChainSettings& settings, const estimators::PathOptions& options,
-                                 const scene::SceneFeatures& features, bool full_plan)
+                                 const scene::SceneFeatures& features, bool full_plan, std::uint32_t shortest)
     : settings_(settings),
-      direct_by_path_(settings.direct.value == "path"),
+      direct_by_path_(settings.direct.value == "path" || shortest > options.min_edges),
       all_options_(options),
       chain_options_(options) {
   if (direct_by_path_) {
     direct_options_ = options;
-    direct_options_.max_depth = std::min(options.max_depth, 2U);
+    const std::uint32_t longest = settings.direct.value == "path" ? 2 : shortest - 1;
+    direct_options_.max_depth = std::min(options.max_depth, longest);
     direct_options_.heuristic = transport::MisHeuristic::power;
     direct_ = path::plan(direct_options_, features, full_plan);
-    chain_options_.min_edges = 3;
-    plan_.use("path tracing beside the chains", "direct=path: paths of one and two edges are left to it");
+    chain_options_.min_edges = longest + 1;
+    plan_.use("path tracing beside the chains", longest == 2
+                                                    ? "direct=path: paths of one and two edges are left to it"
+                                                    : "emitters that the camera sees are left to it");
   } else {
     plan_.skip("path tracing beside the chains", "direct=chain: the chains follow light of all path lengths");
   }

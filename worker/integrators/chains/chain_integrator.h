@@ -13,7 +13,8 @@ namespace candela::integrators {
 
 class ChainIntegrator : public Integrator {
  public:
-  Result<Decision> decide(const UnitContext& /*context*/, const RunContext& /*run*/) const final {
+  Result<Decision> decide(const UnitContext& context, const RunContext& /*run*/) const final {
+    CANDELA_TRY(check_scene(context.scene));
     return Decision{{}, plan_};
   }
   WorkPlan work(FilmSize size, const NamedState& state) const final;
@@ -23,9 +24,13 @@ class ChainIntegrator : public Integrator {
 
  protected:
   // options: of all paths. The plan has items of direct light and of what Metropolis may gain.
+  // shortest: edges of the shortest path that chains can follow, at most 3; whatever is shorter is left to
+  // path tracing.
   ChainIntegrator(const ChainSettings& settings, const estimators::PathOptions& options,
-                  const scene::SceneFeatures& features, bool full_plan);
+                  const scene::SceneFeatures& features, bool full_plan, std::uint32_t shortest = 1);
 
+  // Fails where the chains cannot follow light in such a scene.
+  virtual Result<void> check_scene(const scene::Scene& /*scene*/) const { return {}; }
   // Another one for each thread and chain. It counts into the tallies and outlives neither them nor the
   // context. bandwidth: of mollified paths, if there are any.
   virtual std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, film::Tallies& tallies,

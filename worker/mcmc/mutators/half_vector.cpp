@@ -1,6 +1,7 @@
 #include "worker/mcmc/mutators/half_vector.h"
 
 #include <cmath>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -40,16 +41,27 @@ bool same_kinds(const path::Path& a, const path::Path& b) {
 
 }  // namespace
 
-std::optional<HalfVectorMutator::Prepared> HalfVectorMutator::prepared(const PathState& state) const {
+const std::optional<HalfVectorMutator::Prepared>& HalfVectorMutator::prepared(const PathState& state) const {
+  return state
+      .memo<PreparedMemo>(this,
+                          [&] {
+                            auto made = std::make_unique<PreparedMemo>();
+                            made->prepared = prepare_path(state);
+                            return made;
+                          })
+      .prepared;
+}
+
+std::optional<HalfVectorMutator::Prepared> HalfVectorMutator::prepare_path(const PathState& state) const {
   Prepared out;
   const std::size_t k = state.path.edge_count();
   if (k < 2 ||
-      path::make_segment(scene_, state.path, state.assembled, 0, k, out.segment) != path::NoSegment::none)
+      path::make_segment(scene_, state.path, state.assembled(), 0, k, out.segment) != path::NoSegment::none)
     return std::nullopt;
   const Vec3d numbers = state.path.vertices.back().place;
   const Vec2 lens{static_cast<float>(numbers.x), static_cast<float>(numbers.y)};
   const auto film =
-      path::to_film(scene_, out.segment.chain.vertices[k - 1], state.assembled.edges.back().length, lens);
+      path::to_film(scene_, out.segment.chain.vertices[k - 1], state.assembled().edges.back().length, lens);
   if (!film) return std::nullopt;
   auto chain = prepare(out.segment.chain, out.segment.alphas, *film, rules_.step);
   if (!chain || (rules_.one_step && chain->any_specular())) return std::nullopt;
@@ -61,9 +73,9 @@ double HalfVectorMutator::suitability(const PathState& from) const {
   return prepared(from) ? 1 : 0;
 }
 
-std::optional<path::Path> HalfVectorMutator::propose(const PathState& from, rng::Stream& stream) const {
-  const auto here = prepared(from);
-  if (!here) return std::nullopt;
+Proposal HalfVectorMutator::propose(const PathState& from, rng::Stream& stream) const {
+  const auto& here = prepared(from);
+  if (!here) return MutationFailure::no_path;
   std::vector<Pair> normals;
   for (std::size_t i = 0; i < here->chain.slopes.size(); ++i) {
     const double u = stream.next_double();
@@ -73,25 +85,25 @@ std::optional<path::Path> HalfVectorMutator::propose(const PathState& from, rng:
   const path::SceneSurfaces surfaces(scene_, here->segment);
   Chain moved = here->chain.chain;
   if (rules_.one_step) {
-    if (!propose_one_step(here->chain, slopes, surfaces, moved)) return std::nullopt;
+    if (!propose_one_step(here->chain, slopes, surfaces, moved)) return MutationFailure::no_path;
   } else {
     const std::vector<double> near = tolerances(here->chain, rules_.step.gamma);
-    if (!walk(moved, slopes, near, surfaces, {}).converged() ||
-        !returns(moved, here->chain.chain, held_slopes(here->chain), near, surfaces, {}))
-      return std::nullopt;
+    if (!walk(moved, slopes, near, surfaces, {}).converged()) return MutationFailure::no_convergence;
+    if (!returns(moved, here->chain.chain, held_slopes(here->chain), near, surfaces, {}))
+      return MutationFailure::no_return;
   }
   return path::with_segment(from.path, here->segment, moved);
 }
 
 std::optional<double> HalfVectorMutator::log_pdf_area(const PathState& from, const PathState& to) const {
   if (!same_kinds(from.path, to.path)) return std::nullopt;
-  const auto here = prepared(from), there = prepared(to);
+  const auto &here = prepared(from), &there = prepared(to);
   if (!here || !there) return std::nullopt;
   if (rules_.one_step) return log_pdf_one_step_area(here->chain, there->chain.chain);
   double sum = log_pdf_slopes(here->chain, there->chain.slopes) + there->chain.jacobian.log_abs_det();
   for (std::size_t i = 0; i < there->chain.alphas.size(); ++i)
     if (!(there->chain.alphas[i] > 0))
-      sum += math::log(projected_by_constraint(Form::slope, there->chain.chain, i + 1));
+      sum += math::log(light_angle_by_constraint(there->chain.chain, i + 1));
   if (!std::isfinite(sum)) return std::nullopt;
   return sum;
 }

@@ -3,8 +3,8 @@
 // has to be found back from.
 //
 // The density of a walk is that of its slopes times |J|: in the measure of areas. A specular vertex has no
-// density of a slope; its delta function is in half vectors, and contribution leaves it out in directions, so
-// that its |d o_perp / d c| is part of T.
+// density of a slope; its delta function is in half vectors, and contribution leaves it out in directions
+// towards the light, so that |d omega / d c| of these is part of T.
 #pragma once
 
 #include <optional>
@@ -29,15 +29,20 @@ class HalfVectorMutator final : public PathMutator {
 
   std::string_view name() const override { return rules_.one_step ? "one_step" : "half_vector"; }
   double suitability(const PathState& from) const override;
-  std::optional<transport::path::Path> propose(const PathState& from, rng::Stream& stream) const override;
+  Proposal propose(const PathState& from, rng::Stream& stream) const override;
   std::optional<double> log_pdf_area(const PathState& from, const PathState& to) const override;
 
  private:
+  // Nothing: the path is no chain of half vectors.
   struct Prepared {
     transport::path::Segment segment;
     transport::manifold::PreparedChain chain;
   };
-  std::optional<Prepared> prepared(const PathState& state) const;
+  struct PreparedMemo final : Memo {
+    std::optional<Prepared> prepared;
+  };
+  const std::optional<Prepared>& prepared(const PathState& state) const;
+  std::optional<Prepared> prepare_path(const PathState& state) const;
 
   const scene::Scene& scene_;
   HalfVectorRules rules_;

@@ -3,18 +3,15 @@
 #include <cmath>
 #include <utility>
 
-#include "worker/transport/path/evaluation.h"
-
 namespace candela::mcmc {
 
 std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
-                                    float film_border) {
-  auto assembled = transport::path::assemble(scene, path, film_border);
+                                    const transport::path::Rules& rules) {
+  auto assembled = transport::path::assemble(scene, path, rules.film_border);
   if (!assembled) return std::nullopt;
   PathState out;
-  transport::path::Rules rules;
-  rules.film_border = film_border;
-  const transport::path::Evaluation evaluation(scene, assembled->path, rules);
+  out.stands_on_ = std::make_shared<PathState::StandsOn>(scene, *std::move(assembled), rules);
+  const transport::path::Evaluation& evaluation = out.evaluation();
   if (!evaluation.valid()) return std::nullopt;
   const auto contribution = evaluation.contribution();
   for (std::size_t c = 0; c < 3; ++c) out.contribution[c] = contribution[c].value();
@@ -23,7 +20,6 @@ std::optional<PathState> path_state(const scene::Scene& scene, transport::path::
       0.212671 * out.contribution[0] + 0.715160 * out.contribution[1] + 0.072169 * out.contribution[2];
   if (!(out.scalar > 0) || !std::isfinite(out.scalar)) return std::nullopt;
   out.path = std::move(path);
-  out.assembled = *std::move(assembled);
   return out;
 }
 

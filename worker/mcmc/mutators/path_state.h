@@ -3,25 +3,65 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "worker/scene/scene.h"
 #include "worker/transport/path/assemble.h"
+#include "worker/transport/path/evaluation.h"
 #include "worker/transport/path/path.h"
 
 namespace candela::mcmc {
 
-struct PathState {
+// What a mutator keeps with a state.
+struct Memo {
+  virtual ~Memo() = default;
+};
+
+// A state that is copied shares what it stands on with the copy.
+class PathState {
+ public:
   transport::path::Path path;
-  transport::path::Assembled assembled;
   // By channel, in the product of area measures, delta functions of specular vertices left out. A light or
   // sensor that no ray meets has its own in the place of an area.
   std::array<double, 3> contribution{};
   double scalar = 0;  // its luminance, > 0 and finite
+
+  const transport::path::Assembled& assembled() const { return stands_on_->assembled; }
+  const transport::path::Evaluation& evaluation() const { return stands_on_->evaluation; }
+
+  // What `make()` makes for the owner, a std::unique_ptr<T>, T a Memo; made when it is first asked for. It
+  // has to follow from the path and the owner alone. Not for two threads at once.
+  template <class T, class Make>
+  const T& memo(const void* owner, const Make& make) const {
+    for (const auto& [of, kept] : stands_on_->memos)
+      if (of == owner) return static_cast<const T&>(*kept);
+    std::unique_ptr<T> made = make();
+    const T& result = *made;
+    stands_on_->memos.emplace_back(owner, std::move(made));
+    return result;
+  }
+
+ private:
+  friend std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
+                                             const transport::path::Rules& rules);
+  struct StandsOn {
+    StandsOn(const scene::Scene& scene, transport::path::Assembled whole, const transport::path::Rules& rules)
+        : assembled(std::move(whole)), evaluation(scene, assembled.path, rules) {}
+    StandsOn(const StandsOn&) = delete;
+    StandsOn& operator=(const StandsOn&) = delete;
+    transport::path::Assembled assembled;
+    transport::path::Evaluation evaluation;
+    std::vector<std::pair<const void*, std::unique_ptr<Memo>>> memos;
+  };
+  std::shared_ptr<StandsOn> stands_on_;
 };
 
-// Nothing: the path carries no light, or it leaves the film.
+// Nothing: the path carries no light, or it leaves the film. film_border: pixels around the film that count
+// as on it.
 std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
-                                    float film_border = 0);
+                                    const transport::path::Rules& rules = {});
 
 }  // namespace candela::mcmc

@@ -77,6 +77,16 @@ double projected_by_constraint(Form form, const Chain& chain, std::size_t index)
   return form == Form::disk ? disk : disk * (cosine * cosine) * (cosine * cosine);
 }
 
+double light_angle_by_constraint(const Chain& chain, std::size_t index) {
+  const ChainVertex& v = chain.vertices[index];
+  const Vec3d i = chain.to_light(index), o = chain.to_sensor(index);
+  const Vec3d h = normalize(i + o * v.eta);
+  const double along_i = dot(i, h), cosine = std::abs(dot(h, v.n));
+  // The formula above with the ends exchanged, and without the cosine of i.
+  const double both = along_i + v.eta * dot(o, h);
+  return both * both / std::abs(along_i) * (cosine * cosine * cosine);
+}
+
 double log_pencil(const Chain& chain) {
   const std::size_t k = chain.vertices.size() - 1;
   const ChainVertex& first = chain.vertices[0];

@@ -21,6 +21,10 @@ double geometry_term(const Chain& chain, std::size_t i);
 // |d o_perp / d c| at vertex i for a fixed direction towards the light.
 double projected_by_constraint(Form form, const Chain& chain, std::size_t i);
 
+// |d omega_i / d c| at vertex i for a fixed direction towards the sensor, omega_i the direction towards the
+// light per solid angle: the delta function of a slope is that of this direction times it.
+double light_angle_by_constraint(const Chain& chain, std::size_t i);
+
 // log |d o_0_perp / d x_k| with all slopes fixed: the log of the generalized geometric term from the first
 // end to the last. From a direction: of the area across it. Infinite at a caustic on x_k.
 double log_pencil(const Chain& chain);

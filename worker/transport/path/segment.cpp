@@ -52,8 +52,7 @@ NoSegment set_end(const scene::Scene& scene, const Path& path, const Assembled& 
   if (named.kind == Kind::medium) return NoSegment::medium;
   ChainVertex v;
   if (is_on_surface(named.kind)) {
-    // Derivatives of an end's normal are in no formula.
-    if (!set_surface(scene, named.point, v) && !(length(v.p_u) > 0)) return NoSegment::map;
+    if (!set_end_surface(scene, named.point, v)) return NoSegment::map;
   } else if (named.kind == Kind::sensor) {
     if (assembled.path.lens_infinite) return NoSegment::far_sensor;
     v = free_end(Vec3d(assembled.path.lens), -assembled.edges.back().direction);
@@ -99,6 +98,11 @@ NoSegment set_inner(const scene::Scene& scene, const Path& path, const Assembled
 }
 
 }  // namespace
+
+bool set_end_surface(const scene::Scene& scene, const scene::CanonicalPoint& point, ChainVertex& v) {
+  // Derivatives of an end's normal are in no formula.
+  return set_surface(scene, point, v) || length(v.p_u) > 0;
+}
 
 NoSegment make_segment(const scene::Scene& scene, const Path& path, const Assembled& assembled,
                        std::size_t begin, std::size_t end, Segment& out) {

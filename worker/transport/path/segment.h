@@ -40,6 +40,10 @@ NoSegment make_segment(const scene::Scene& scene, const Path& path, const Assemb
 // The path whose inner vertices of the segment are those of the chain.
 Path with_segment(const Path& path, const Segment& segment, const manifold::Chain& chain);
 
+// All of an end of a chain that follows from its point on a surface. False: its surface has no tangents
+// there.
+bool set_end_surface(const scene::Scene& scene, const scene::CanonicalPoint& point, manifold::ChainVertex& v);
+
 // What rays of a segment's walk meet. A surface of another bsdf is passed if light passes it straight.
 class SceneSurfaces final : public manifold::Surfaces {
  public:

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "worker/core/math.h"
+#include "worker/scene/bsdfs/delta_lobes.h"
 #include "worker/transport/path/evaluation.h"
 
 namespace candela::transport::path {
@@ -91,6 +92,34 @@ Scaled Evaluation::fly(bool from_light, std::size_t i, Arrival arrival, bool exp
     for (std::size_t c = 0; c < 3; ++c) color[c] *= pass.fraction[c];
   }
   return density;
+}
+
+Scaled Evaluation::step_density(bool from_light, std::size_t v) const {
+  const PathNumbers& n = numbers_;
+  const std::size_t before = from_light ? v - 1 : v + 1, edge = from_light ? v - 1 : v;
+  Scaled density;
+  if (before == (from_light ? 0 : n.edges))
+    density = from_light ? n.pdf_to_eye[0] : n.pdf_to_light[n.edges];
+  else
+    density = from_light ? inner_[before - 1]->prob_to_eye : inner_[before - 1]->prob_to_light;
+  const Arrival arrival = n.in_medium[v] ? Arrival::medium : v == n.edges ? Arrival::lens : Arrival::surface;
+  Channels white{1, 1, 1};
+  density *= fly(from_light, edge, arrival, false, white);
+  if (!n.in_medium[v]) density *= from_light ? n.factor_to_light[v] : n.factor_to_eye[v];
+  return density / n.distance_squared[edge];
+}
+
+double Evaluation::prob_stay(bool from_light, std::size_t v) const {
+  if (!scene_.features().any_straight || numbers_.in_medium[v]) return 1;
+  const scene::SurfaceHit& hit = v == 0 ? path_.light : path_.inner[v - 1].hit;
+  const Vec3 wo = hit.shading.to_local(from_light ? -path_.along[v - 1] : path_.along[v]);
+  scene::ClosureArena arena;
+  const scene::Closure closure = scene_.closure(hit, wo, arena);
+  double stays = 1;
+  for (const scene::DeltaLobe& lobe :
+       scene::delta_lobes(closure, wo, from_light ? TransportMode::importance : TransportMode::radiance))
+    if (lobe.straight) stays -= static_cast<double>(lobe.prob);
+  return std::max(stays, 0.0);
 }
 
 Scaled Evaluation::walk_density(bool from_light, std::size_t count) const {

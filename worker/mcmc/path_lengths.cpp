@@ -1,23 +1,23 @@
-#include "worker/integrators/mmlt/lengths.h"
+#include "worker/mcmc/path_lengths.h"
 
 #include <algorithm>
 
 #include "worker/core/math.h"
 
-namespace candela::integrators::mmlt {
+namespace candela::mcmc {
 namespace {
 
 constexpr double kGeometricShare = 0.75, kRatio = 0.6;
 
 }  // namespace
 
-Lengths::Lengths(std::uint32_t least, std::uint32_t most) : least_(least), count_(most - least + 1) {
+PathLengths::PathLengths(std::uint32_t least, std::uint32_t most) : least_(least), count_(most - least + 1) {
   const auto n = static_cast<double>(count_);
   geometric_norm_ = 1 - math::pow(kRatio, n);
   heavy_norm_ = 1 - 1 / (n + 1);
 }
 
-Lengths::Choice Lengths::choose(double u) const {
+PathLengths::Choice PathLengths::choose(double u) const {
   double j = 0;
   if (u < kGeometricShare) {
     const double share = u / kGeometricShare;
@@ -30,10 +30,10 @@ Lengths::Choice Lengths::choose(double u) const {
   return {least_ + step, prob(least_ + step)};
 }
 
-double Lengths::prob(std::uint32_t edges) const {
+double PathLengths::prob(std::uint32_t edges) const {
   const auto j = static_cast<double>(edges - least_);
   return kGeometricShare * math::pow(kRatio, j) * (1 - kRatio) / geometric_norm_ +
          (1 - kGeometricShare) / ((j + 1) * (j + 2)) / heavy_norm_;
 }
 
-}  // namespace candela::integrators::mmlt
+}  // namespace candela::mcmc

@@ -1,0 +1,99 @@
+// Metropolis light transport in path space against bdpt, which knows nothing of chains and nothing of the
+// literal formulas that mlt is made of.
+//
+// As in test_markov.cpp a batch is a job of its own, so batches are independent, and the block tests hold
+// with their own variance: each alarms falsely with probability at most 1e-5, all with at most 1e-3.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "tests/proofs/proofs.h"
+#include "tests/statistical/chain_driver.h"
+#include "tests/statistical/transport_scenes.h"
+
+namespace candela::statistical {
+namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"Mlt", "MltSettings"});
+
+constexpr std::uint32_t kExtent = 32;
+const Regions kRegions(kExtent, kExtent, 8);
+constexpr std::size_t kBatches = 16;
+
+TestScene load(std::string_view name) {
+  TestScene scene = scene_from_transport(name, kExtent, kExtent);
+  use_own_filter(scene);
+  return scene;
+}
+
+// Few chains and mutations: a batch is small, and there are many.
+ChainJob job_of(const TestScene& scene, const SettingsMap& more = {}) {
+  SettingsMap settings{{"chains", "64"}, {"bootstrap", "8192"}, {"mutations", "8"}, {"direct_samples", "4"}};
+  for (const auto& [name, value] : more) settings[name] = value;
+  ChainJob job;
+  job.scene = with_integrator(scene, "mlt", settings);
+  job.rounds = long_form() ? 64 : 2;
+  return job;
+}
+
+void expect_agreement(const std::string& what, const TestScene& scene, const SettingsMap& more,
+                      std::uint64_t seed, const SettingsMap& of_both = {}) {
+  SCOPED_TRACE(what);
+  BatchPlan plan;
+  plan.seed = seed << 32;
+  plan.iterations = 32;
+  const Estimator right =
+      cached(make_estimator("bdpt", {{1.0, with_integrator(scene, "bdpt", of_both)}}, plan, kRegions));
+  SettingsMap settings = of_both;
+  for (const auto& [name, value] : more) settings[name] = value;
+  const Estimator tested =
+      make_chain_estimator("mlt", job_of(scene, settings), (seed + 1) << 32, kBatches, kRegions);
+  BlockTest test;
+  test.decide = 0.1;
+  const Verdict verdict = compare(tested, right, kRegions, test);
+  std::printf("%s\n", verdict.report.c_str());
+  EXPECT_TRUE(verdict.agree) << verdict.report;
+  EXPECT_GT(verdict.tested * 2, verdict.values) << verdict.report;
+}
+
+class Mlt : public testing::TestWithParam<std::string> {};
+
+// Claim: mlt has the expectation of bdpt.
+TEST_P(Mlt, AgreesWithBdpt) {
+  const auto entry = std::find_if(kTransportScenes.begin(), kTransportScenes.end(),
+                                  [](const TransportScene& one) { return one.name == GetParam(); });
+  ASSERT_NE(entry, kTransportScenes.end());
+  const auto number = static_cast<std::uint64_t>(entry - kTransportScenes.begin());
+  expect_agreement(GetParam(), load(entry->name), {}, 1 + 2 * number);
+}
+
+std::vector<std::string> scenes() {
+  if (!long_form()) return {"box-diffuse", "sds", "thin-null", "lens", "spot", "orthographic", "envmap"};
+  std::vector<std::string> names;
+  for (const TransportScene& scene : kTransportScenes)
+    if ((scene.complete & kBdpt) != 0) names.emplace_back(scene.name);
+  return names;
+}
+std::string scene_name(const testing::TestParamInfo<std::string>& one) {
+  std::string name = one.param;
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+}
+INSTANTIATE_TEST_SUITE_P(, Mlt, testing::ValuesIn(scenes()), scene_name);
+
+// Claim: what is left to path tracing, and how often a chain starts anew, change no mean.
+TEST(MltSettings, Agree) {
+  const TestScene lens = load("lens");
+  expect_agreement("direct=chain", lens, {{"direct", "chain"}}, 201);
+  expect_agreement("large_step=1", lens, {{"large_step", "1"}}, 203);
+  expect_agreement("large_step=0", lens, {{"large_step", "0"}, {"chains", "512"}}, 205);
+  expect_agreement("max_depth=3", lens, {}, 207, {{"max_depth", "3"}});
+}
+
+}  // namespace
+}  // namespace candela::statistical

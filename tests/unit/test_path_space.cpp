@@ -1,0 +1,323 @@
+// Claims: the bidirectional mutation and the independent paths of the path space have the densities that they
+// say, computed from paths alone; what a mutation does can be undone by it, and what it does not declare to
+// change is not changed; a chain that goes through bytes is the chain that does not, bit for bit.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "tests/unit/path_walks.h"
+#include "worker/mcmc/mutators/bidirectional.h"
+#include "worker/mcmc/path_space.h"
+#include "worker/scene/points/surface_points.h"
+
+namespace candela::mcmc {
+namespace {
+
+namespace path = transport::path;
+using path::Kind;
+
+MutatorContext context_of(const scene::Scene& scene) {
+  return {scene, path::kFilm, path::kFilm, 0, 2, 5};
+}
+std::vector<MutatorShare> bidirectional() {
+  return {{&mutators().front(), 1.0}};
+}
+
+double area_element(const scene::Scene& scene, const scene::CanonicalPoint& point) {
+  const scene::SurfaceGeometry at = scene.points().at(point);
+  return length(cross(at.dp_du, at.dp_dv));
+}
+
+// States of independent paths with so many inner vertices.
+std::vector<PathState> states(PathSpace& space, std::size_t inner, std::size_t count) {
+  std::vector<PathState> found;
+  SplatList list;
+  for (std::uint64_t key = 0; key < 200000 && found.size() < count; ++key) {
+    space.start(rng::key(46, 400, key), list);
+    if (list.scalar() > 0 && space.present()->path.inner_count() == inner) found.push_back(*space.present());
+  }
+  return found;
+}
+
+constexpr std::size_t kBins = 4;  // along u and v of a triangle's square of parameters
+using Cells = std::array<double, kBins * kBins>;
+
+std::size_t cell_of(const scene::CanonicalPoint& point) {
+  const auto bin = [](double v) {
+    return std::min(static_cast<std::size_t>(std::max(v, 0.0) * kBins), kBins - 1);
+  };
+  return bin(point.u) * kBins + bin(point.v);
+}
+
+// The density of paths that differ from `from` in vertex `i` alone, as it lies on a triangle, integrated over
+// cells; log_pdf gives it.
+template <class LogPdf>
+Cells integrate(const scene::Scene& scene, const MutatorContext& context, const PathState& from,
+                std::size_t i, const scene::CanonicalPoint& on, const LogPdf& log_pdf) {
+  constexpr int kSub = 24;
+  Cells cells{};
+  constexpr double kStep = 1.0 / (kBins * kSub);
+  for (int a = 0; a < static_cast<int>(kBins) * kSub; ++a)
+    for (int b = 0; b < static_cast<int>(kBins) * kSub; ++b) {
+      scene::CanonicalPoint point = on;
+      point.u = (a + 0.5) * kStep;
+      point.v = (b + 0.5) * kStep;
+      // Half of a small square may be outside of the triangle: along its long side.
+      if (point.u + point.v >= 1) continue;
+      path::Path to = from.path;
+      to.vertices[i].point = point;
+      const auto state = path_state(scene, to, context.rules());
+      if (!state) continue;
+      if (const auto log_density = log_pdf(*state))
+        cells[cell_of(point)] += std::exp(*log_density) * area_element(scene, point) * kStep * kStep;
+    }
+  return cells;
+}
+
+void expect_counts(const Cells& counted, const Cells& expected, double proposals) {
+  double chi2 = 0, cells = 0, in_all = 0;
+  for (std::size_t c = 0; c < counted.size(); ++c) {
+    const double mean = expected[c] * proposals;
+    in_all += mean;
+    if (mean < 20) continue;
+    // The integral is known to 1 %, but for edges of shadows.
+    chi2 += (counted[c] - mean) * (counted[c] - mean) / (mean + 4e-4 * mean * mean);
+    ++cells;
+  }
+  EXPECT_GE(cells, 2);
+  EXPECT_GT(in_all, 300);
+  EXPECT_LT(chi2, cells + 5 * std::sqrt(2 * cells) + 5);
+}
+
+// Proposals that move one vertex of a path over the wall that it is on.
+TEST(PathSpace, BidirectionalMutationsHaveTheirDensity) {
+  for (const std::size_t which : {0u, 2u, 4u, 7u}) {
+    const path::Case c = path::cases()[which];
+    SCOPED_TRACE(c.name);
+    const auto scene = path::scene_of(c);
+    const MutatorContext context = context_of(*scene);
+    PathSpace space(context, bidirectional());
+    const BidirectionalMutator mutator(context);
+    int tested = 0;
+    for (const PathState& from : states(space, 2, 40)) {
+      // The vertex next to the light, on a triangle; no other one is specular.
+      const auto& v = from.path.vertices;
+      if (v[1].delta || v[2].delta || v[1].point.kind != v[2].point.kind) continue;
+      const scene::SurfaceHit hit = scene->points().hit(v[1].point);
+      if (!(length(hit.ng) > 0) || hit.barycentric.x == 0) continue;
+      if (tested == 2) break;
+      rng::Stream stream(rng::key(46, 410, tested));
+      constexpr int kProposals = 40000;
+      Cells counted{};
+      for (int n = 0; n < kProposals; ++n) {
+        const Proposal to = mutator.propose(from, stream);
+        if (!to || to->vertices.size() != v.size()) continue;
+        path::Path same = *to;
+        const scene::CanonicalPoint moved = to->vertices[1].point;
+        if (to->vertices[1].kind != Kind::surface || moved.primitive != v[1].point.primitive ||
+            moved.kind != v[1].point.kind || moved.instance != v[1].point.instance)
+          continue;
+        same.vertices[1].point = v[1].point;
+        if (!(same == from.path) || !path_state(*scene, *to, context.rules())) continue;
+        ++counted[cell_of(moved)];
+      }
+      const Cells expected = integrate(*scene, context, from, 1, v[1].point,
+                                       [&](const PathState& to) { return mutator.log_pdf_area(from, to); });
+      double all = 0;
+      for (const double x : expected) all += x * kProposals;
+      if (all < 400) continue;
+      expect_counts(counted, expected, kProposals);
+      ++tested;
+    }
+    EXPECT_EQ(tested, 2);
+  }
+}
+
+// Independent paths of one scattering.
+TEST(PathSpace, IndependentPathsHaveTheirDensity) {
+  for (const std::size_t which : {4u, 5u, 6u}) {  // their lamp is one vertex
+    const path::Case c = path::cases()[which];
+    SCOPED_TRACE(c.name);
+    const auto scene = path::scene_of(c);
+    const MutatorContext context = context_of(*scene);
+    PathSpace space(context, bidirectional());
+    std::map<std::pair<std::uint32_t, int>, Cells> counted;
+    std::optional<PathState> middle;
+    SplatList list;
+    constexpr int kSamples = 60000;
+    for (int n = 0; n < kSamples; ++n) {
+      space.start(rng::key(46, 420, static_cast<std::uint64_t>(n)), list);
+      if (!(list.scalar() > 0)) continue;
+      const PathState& state = *space.present();
+      if (state.path.inner_count() != 1 || state.path.vertices[1].delta) continue;
+      const scene::CanonicalPoint& at = state.path.vertices[1].point;
+      if (scene->points().hit(at).barycentric.x == 0) continue;
+      if (!middle) middle = state;
+      if (at.primitive == middle->path.vertices[1].point.primitive &&
+          at.kind == middle->path.vertices[1].point.kind)
+        ++counted[{at.primitive, 0}][cell_of(at)];
+    }
+    ASSERT_TRUE(middle);
+    if (scene->reads_lens()) continue;  // the point on the lens would have to be integrated over
+    const scene::CanonicalPoint on = middle->path.vertices[1].point;
+    const Cells expected = integrate(*scene, context, *middle, 1, on,
+                                     [&](const PathState& to) { return space.log_pdf_area(to); });
+    expect_counts(counted[{on.primitive, 0}], expected, kSamples);
+  }
+}
+
+// All techniques that can make the paths of a length have the same mean of f over their density.
+TEST(PathSpace, TechniquesAgree) {
+  for (const path::Case& c : path::cases()) {
+    if (c.name == "two lamps") continue;  // no eye's walk meets one of them
+    SCOPED_TRACE(c.name);
+    const auto scene = path::scene_of(c);
+    const MutatorContext context = context_of(*scene);
+    const Subpaths subpaths(context);
+    constexpr std::size_t kCount = 3;
+    const Subpaths::Choices all = subpaths.choices({}, kCount);
+    std::vector<double> means, errors;
+    for (std::size_t s = all.first; s < all.first + all.count; ++s) {
+      rng::Stream stream(rng::key(46, 450, kCount, s));
+      double sum = 0, squares = 0;
+      constexpr int kSamples = 6000;
+      for (int n = 0; n < kSamples; ++n) {
+        const Proposal made = subpaths.make(nullptr, {}, kCount, s, stream);
+        if (!made) continue;
+        // Of paths without specular vertices: all techniques make these.
+        if (std::any_of(made->vertices.begin(), made->vertices.end(),
+                        [](const path::PathVertex& v) { return v.delta; }))
+          continue;
+        const auto state = path_state(*scene, *made, context.rules());
+        if (!state) continue;
+        const double x = state->scalar / std::exp(subpaths.log_pdf_area(*state, {}, s));
+        sum += x;
+        squares += x * x;
+      }
+      const double mean = sum / kSamples;
+      means.push_back(mean);
+      errors.push_back(std::sqrt((squares / kSamples - mean * mean) / kSamples));
+    }
+    // Few samples of some techniques have most of the light: only those that are known well are compared.
+    std::size_t best = 0, known = 0;
+    for (std::size_t i = 0; i < means.size(); ++i)
+      if (means[i] > 0 && !(errors[best] / means[best] < errors[i] / means[i])) best = i;
+    for (std::size_t i = 0; i < means.size(); ++i) {
+      if (!(means[i] > 0) || errors[i] > 0.1 * means[i]) continue;
+      ++known;
+      EXPECT_NEAR(means[i], means[best], 4.5 * std::hypot(errors[i], errors[best])) << i;
+    }
+    EXPECT_GE(known, 2u);
+  }
+}
+
+TEST(PathSpace, MutationsCanBeUndone) {
+  for (const path::Case& c : path::cases()) {
+    SCOPED_TRACE(c.name);
+    const auto scene = path::scene_of(c);
+    const MutatorContext context = context_of(*scene);
+    PathSpace space(context, bidirectional());
+    const BidirectionalMutator mutator(context);
+    rng::Stream stream(rng::key(46, 430));
+    int proposed = 0, lit = 0, back = 0;
+    for (const std::size_t inner : {1u, 2u, 3u})
+      for (const PathState& from : states(space, inner, 30))
+        for (int n = 0; n < 10; ++n) {
+          const Proposal to = mutator.propose(from, stream);
+          ++proposed;
+          if (!to) continue;
+          ASSERT_TRUE(to->well_formed());
+          ASSERT_TRUE(path::exists(*scene, *to));
+          const auto there = path_state(*scene, *to, context.rules());
+          if (!there) continue;
+          ++lit;
+          const auto forward = mutator.log_pdf_area(from, *there),
+                     reverse = mutator.log_pdf_area(*there, from);
+          EXPECT_TRUE(forward.has_value());
+          back += forward.has_value() && reverse.has_value();
+        }
+    EXPECT_GT(lit, proposed / 50);
+    // All but paths whose light or pinhole was kept although the vertex next to it is specular.
+    EXPECT_GE(back, lit * 9 / 10);
+  }
+}
+
+// A chain of its own, as chain.cpp drives it.
+struct Driven {
+  Driven(const MutatorContext& context) : space(context, bidirectional()) {}
+  void step(std::uint64_t i) {
+    const Mutation mutation{rng::key(46, 440, i), i % 5 == 0};
+    const double ratio = space.propose(mutation, proposal);
+    rng::Stream decide(rng::key(46, 441, i));
+    const double accept = proposal.scalar() > 0 ? std::min(1.0, ratio * proposal.scalar() / scalar) : 0;
+    if (decide.next_double() < accept) {
+      space.accept();
+      scalar = proposal.scalar();
+    } else {
+      space.reject();
+    }
+    trace.push_back(proposal.scalar() * ratio);
+  }
+  PathSpace space;
+  SplatList proposal;
+  double scalar = 0;
+  std::vector<double> trace;
+};
+
+TEST(PathSpace, ChainsGoThroughBytesWithoutAChange) {
+  for (const path::Case& c : path::cases()) {
+    SCOPED_TRACE(c.name);
+    const auto scene = path::scene_of(c);
+    const MutatorContext context = context_of(*scene);
+    Driven whole(context);
+    std::uint64_t key = 0;
+    do whole.space.start(rng::key(46, 442, key++), whole.proposal);
+    while (!(whole.proposal.scalar() > 0));
+    whole.scalar = whole.proposal.scalar();
+    for (std::uint64_t i = 0; i < 150; ++i) whole.step(i);
+    Driven resumed(context);
+    ASSERT_TRUE(resumed.space.restore(whole.space.save(), resumed.proposal).ok());
+    resumed.scalar = resumed.proposal.scalar();
+    EXPECT_EQ(resumed.scalar, whole.scalar);
+    whole.trace.clear();
+    for (std::uint64_t i = 150; i < 300; ++i) {
+      whole.step(i);
+      resumed.step(i);
+    }
+    EXPECT_EQ(whole.trace, resumed.trace);
+    EXPECT_EQ(whole.space.save(), resumed.space.save());
+    EXPECT_GT(whole.space.counts()[0].accepted, 5u);
+    // Bytes of a path that is not the chain's.
+    SplatList list;
+    EXPECT_FALSE(resumed.space.restore("", list).ok());
+    EXPECT_FALSE(resumed.space.restore(whole.space.save().substr(1), list).ok());
+  }
+}
+
+// A path's seed is its sample and the technique that made it, and it is found again by it.
+TEST(PathSpace, SeedsMakeTheirPaths) {
+  const auto scene = path::scene_of(path::cases()[1]);
+  PathSpace space(context_of(*scene), bidirectional()), other(context_of(*scene), bidirectional());
+  SplatList list, again;
+  int found = 0;
+  for (std::uint64_t key = 0; key < 2000; ++key) {
+    space.start(key, list);
+    if (!(list.scalar() > 0)) continue;
+    ++found;
+    const path::PathSeed seed = space.seed(key);
+    EXPECT_EQ(seed.sample, key);
+    EXPECT_EQ(seed.light_vertices + seed.sensor_vertices, space.present()->path.vertices.size());
+    other.start(seed.sample, again);
+    EXPECT_EQ(again.scalar(), list.scalar());
+    EXPECT_EQ(other.save(), space.save());
+  }
+  EXPECT_GT(found, 50);
+}
+
+}  // namespace
+}  // namespace candela::mcmc

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <vector>
+
+#include "worker/integrators/chains/settings.h"
+#include "worker/integrators/common_settings.h"
+#include "worker/mcmc/mutators/registry.h"
+
+namespace candela::integrators {
+
+// Shares of mutations, in the order of mcmc::mutators().
+struct MutatorSettings {
+  std::vector<double> shares;
+
+  MutatorSettings() {
+    for (const mcmc::MutatorEntry& entry : mcmc::mutators()) shares.push_back(entry.share);
+  }
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    for (std::size_t i = 0; i < shares.size(); ++i)
+      visit(mcmc::mutators()[i].name, shares[i], NumberRange{0, 1}, mcmc::mutators()[i].doc);
+  }
+};
+// One of the shares is above 0.
+Result<void> check(const MutatorSettings& settings);
+
+struct MltSettings {
+  CommonSettings common{integrator_words::kMlt};
+  ChainSettings chains;
+  MutatorSettings mutations;
+
+  MltSettings() { chains.direct.value = "path"; }
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    common.path_fields(visit, integrator_words::kRrDepth.minimum,
+                       "not read: paths of the chains have no Russian roulette, and those of path tracing "
+                       "beside them are short");
+    chains.fields(visit, mutations);
+    visit.absent("regularise", "mutations know no mollified vertices",
+                 "pssmlt and mmlt mollify; vcm finds such light");
+    common.plan_field(visit);
+  }
+};
+inline Result<void> check(const MltSettings& settings) {
+  return check(settings.mutations);
+}
+
+}  // namespace candela::integrators

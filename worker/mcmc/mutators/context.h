@@ -1,0 +1,31 @@
+// What paths of a chain are, for those who make them.
+#pragma once
+
+#include <cstdint>
+
+#include "worker/scene/scene.h"
+#include "worker/transport/path/full_path.h"
+
+namespace candela::mcmc {
+
+struct MutatorContext {
+  const scene::Scene& scene;  // must outlive the mutators
+  // Film in pixels, and the pixels around it that count as on it: paths from the eye are uniform over both.
+  double film_width = 1, film_height = 1;
+  float film_border = 0;
+  // Of the chain's paths, in edges; others are not proposed. min_edges >= 2.
+  std::uint32_t min_edges = 2, max_edges = 64;
+
+  double domain_area() const {  // pixels^2
+    const double border = 2 * static_cast<double>(film_border);
+    return (film_width + border) * (film_height + border);
+  }
+  transport::path::Rules rules() const {
+    transport::path::Rules rules;
+    rules.film_border = film_border;
+    rules.eye_paths = film_width * film_height / domain_area();
+    return rules;
+  }
+};
+
+}  // namespace candela::mcmc

@@ -1,0 +1,281 @@
+#include "worker/mcmc/mutators/subpaths.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "worker/core/math.h"
+#include "worker/mcmc/mutators/subpath_walk.h"
+#include "worker/scene/points/surface_points.h"
+
+namespace candela::mcmc {
+
+namespace path = transport::path;
+using path::Kind;
+using path::Path;
+using path::PathVertex;
+using scene::TransportMode;
+
+namespace {
+
+// Owner of densities, which follow from the path alone.
+constexpr char kDensities = 0;
+
+constexpr double kNever = -std::numeric_limits<double>::infinity();
+
+double log_of(double density) {
+  return density > 0 ? math::log(density) : kNever;
+}
+// A density that a double cannot hold counts as none.
+double log_of(const path::Scaled& density) {
+  const double value = density.value();
+  return std::isfinite(value) ? log_of(value) : kNever;
+}
+
+// Sums over ranges of logs, some of which are minus infinity.
+class RangeSums {
+ public:
+  void push(double log_value) {
+    const bool never = !(log_value > kNever);
+    sums_.push_back(sums_.back() + (never ? 0 : log_value));
+    nevers_.push_back(nevers_.back() + (never ? 1 : 0));
+  }
+  double sum(std::size_t begin, std::size_t end) const {
+    return nevers_[end] > nevers_[begin] ? kNever : sums_[end] - sums_[begin];
+  }
+
+ private:
+  std::vector<double> sums_{0};
+  std::vector<std::size_t> nevers_{0};
+};
+
+// A vertex that next event estimation chooses at `hit`, which the eye's walk sees from `wo`.
+std::optional<PathVertex> light_seen(const scene::Scene& scene, const scene::SurfaceHit& hit, Vec3 wo,
+                                     rng::Stream& stream) {
+  const float u_select = stream.next_float(), ux = stream.next_float(), uy = stream.next_float();
+  scene::ClosureArena arena;
+  const scene::Closure closure = scene.closure(hit, hit.shading.to_local(wo), arena);
+  Vec3 front;
+  if (!closure.scatters_through()) front = dot(wo, hit.shading.n) < 0 ? -hit.shading.n : hit.shading.n;
+  scene::DirectSample light;
+  if (scene.sample_direct(hit, front, u_select, {ux, uy}, light) != scene::DirectOutcome::sampled)
+    return std::nullopt;
+  PathVertex v;
+  if (light.delta) {
+    v.kind = light.infinite ? Kind::directed_light : Kind::point_light;
+    v.object = light.emitter;
+    return v;
+  }
+  if (light.infinite) {
+    v.kind = Kind::distant_light;
+    v.place = normalize(Vec3d(light.wi));
+    return v;
+  }
+  v.kind = Kind::surface_light;
+  const double distance = length(Vec3d(light.p) - Vec3d(hit.p));
+  const auto point = point_of_emitter(scene, light.emitter, light.p, light.wi, 1e-3 * distance);
+  if (!point) return std::nullopt;
+  v.point = *point;
+  return v;
+}
+
+// An emitter that the eye's walk meets by itself.
+std::optional<PathVertex> light_met(SubpathWalk& walk, SubpathWalk::Arrival arrival) {
+  PathVertex v;
+  if (arrival == SubpathWalk::Arrival::left) {
+    v.kind = Kind::distant_light;
+    v.place = normalize(Vec3d(walk.direction()));
+    return v;
+  }
+  if (arrival != SubpathWalk::Arrival::surface || walk.hit().emitter == scene::kNone) return std::nullopt;
+  v.kind = Kind::surface_light;
+  v.point = walk.vertex().point;
+  return v;
+}
+
+}  // namespace
+
+void LogSum::add(double log_value) {
+  if (!(log_value > kNever)) return;
+  if (sum_ == 0 || log_value > largest_) {
+    sum_ = 1 + (sum_ == 0 ? 0 : sum_ * math::exp(largest_ - log_value));
+    largest_ = log_value;
+  } else {
+    sum_ += math::exp(log_value - largest_);
+  }
+}
+
+std::optional<double> LogSum::value() const {
+  if (!(sum_ > 0) || !std::isfinite(largest_)) return std::nullopt;
+  return largest_ + math::log(sum_);
+}
+
+Subpaths::Subpaths(const MutatorContext& context) : context_(context) {
+  const scene::SceneFeatures& features = context.scene.features();
+  hits_lights_ = features.any_area_emitter || features.any_environment;
+  hits_lens_ = features.finite_lens;
+}
+
+Subpaths::Choices Subpaths::choices(const Kept& kept, std::size_t added) const {
+  const std::size_t needs = (kept.light == 0 ? 1u : 0u) + (kept.eye == 0 ? 1u : 0u);
+  if (added < needs) return {};
+  std::size_t first = 0, last = added;
+  if (kept.light == 0 && !hits_lights_) first = 1;
+  if (kept.eye == 0 && !hits_lens_) last = added - 1;
+  if (kept.light == 1) last = 0;
+  if (kept.eye == 1) first = added;
+  if (first > last) return {};
+  return {first, last - first + 1};
+}
+
+Proposal Subpaths::make(const PathState* from, const Kept& kept, std::size_t added, std::size_t s,
+                        rng::Stream& stream) const {
+  const scene::Scene& scene = context_.scene;
+  const std::size_t t = added - s;
+  const std::size_t from_count = from == nullptr ? 0 : from->path.vertices.size();
+  std::vector<PathVertex> by_light, by_eye;  // from their ends on
+  // The last vertex on the eye's side.
+  scene::SurfaceHit eye_hit;
+  Vec3 eye_wo;
+  if (kept.eye >= 2) {
+    const std::size_t m = from_count - kept.eye;
+    if (m > 0 && from->path.vertices[m].kind == Kind::surface) {
+      eye_hit = from->assembled().path.inner[m - 1].hit;
+      eye_wo = from->assembled().path.along[m];
+    }
+  }
+  if (t > 0) {
+    SubpathWalk walk(context_, TransportMode::radiance, stream);
+    PathVertex sensor;
+    if (kept.eye > 0) {
+      walk.start_at(from->path.vertices[from_count - kept.eye], eye_hit, eye_wo);
+    } else if (t == 1) {
+      by_eye.push_back(sensor_vertex(draw_lens(scene, stream)));
+    } else {
+      walk.start_at_sensor(sensor);
+      by_eye.push_back(sensor);
+    }
+    bool leaves = kept.eye > 0;  // the sensor is left already
+    PathVertex unused = walk.vertex();
+    while (by_eye.size() < t) {
+      if (leaves && !walk.leave(by_eye.empty() ? unused : by_eye.back())) return MutationFailure::no_path;
+      leaves = true;
+      const SubpathWalk::Arrival arrival = walk.arrive(false);
+      if (kept.light == 0 && s == 0 && by_eye.size() + 1 == t) {
+        const auto light = light_met(walk, arrival);
+        if (!light) return MutationFailure::no_path;
+        by_eye.push_back(*light);
+        break;
+      }
+      if (arrival != SubpathWalk::Arrival::surface) return MutationFailure::no_path;
+      by_eye.push_back(walk.vertex());
+      eye_hit = walk.hit();
+      eye_wo = -walk.direction();
+    }
+  }
+  if (s > 0) {
+    const bool to_lens = kept.eye == 0 && t == 0;
+    SubpathWalk walk(context_, TransportMode::importance, stream);
+    bool leaves = kept.light > 0;
+    if (kept.light > 0) {
+      const std::size_t l = kept.light - 1;
+      walk.start_at(from->path.vertices[l], from->assembled().path.inner[l - 1].hit,
+                    -from->assembled().path.along[l - 1]);
+    } else if (s == 1) {
+      const auto light = light_seen(scene, eye_hit, eye_wo, stream);
+      if (!light) return MutationFailure::no_path;
+      by_light.push_back(*light);
+    } else {
+      PathVertex light;
+      if (!walk.start_at_light(light)) return MutationFailure::no_path;
+      by_light.push_back(light);
+    }
+    PathVertex unused = walk.vertex();
+    while (by_light.size() < s) {
+      if (leaves && !walk.leave(by_light.empty() ? unused : by_light.back())) return MutationFailure::no_path;
+      leaves = true;
+      const bool last = to_lens && by_light.size() + 1 == s;
+      const SubpathWalk::Arrival arrival = walk.arrive(last);
+      if (arrival != (last ? SubpathWalk::Arrival::lens : SubpathWalk::Arrival::surface))
+        return MutationFailure::no_path;
+      by_light.push_back(walk.vertex());
+    }
+  }
+  Path out;
+  if (from != nullptr) {
+    const auto begin = from->path.vertices.begin();
+    out.vertices.assign(begin, begin + static_cast<std::ptrdiff_t>(kept.light));
+  }
+  out.vertices.insert(out.vertices.end(), by_light.begin(), by_light.end());
+  out.vertices.insert(out.vertices.end(), by_eye.rbegin(), by_eye.rend());
+  if (from != nullptr)
+    out.vertices.insert(out.vertices.end(), from->path.vertices.end() - static_cast<std::ptrdiff_t>(kept.eye),
+                        from->path.vertices.end());
+  return out;
+}
+
+// Logs of what walks do at each vertex of a path. Index i: vertex x_i.
+struct Subpaths::Densities final : Memo {
+  RangeSums light, eye;  // of steps that arrive at x_i, and of the ends themselves
+  double light_direct = kNever, light_prob = kNever;
+  std::vector<double> stay_light, stay_eye;  // at x_i, where the walk ends
+};
+
+const Subpaths::Densities& Subpaths::densities(const PathState& state) const {
+  return state.memo<Densities>(&kDensities, [&] {
+    auto made = std::make_unique<Densities>();
+    const path::Evaluation& evaluation = state.evaluation();
+    const path::PathNumbers& n = evaluation.numbers();
+    const std::size_t k = n.edges;
+    made->light_direct = log_of(n.light_direct);
+    made->light_prob = log_of(n.light_prob);
+    made->light.push(0);
+    for (std::size_t i = 1; i < k; ++i) made->light.push(log_of(evaluation.step_density(true, i)));
+    made->light.push(n.lens_can_be_hit ? log_of(evaluation.step_density(true, k)) : kNever);
+    made->eye.push(n.light_can_be_hit ? log_of(evaluation.step_density(false, 0)) : kNever);
+    for (std::size_t i = 1; i < k; ++i) made->eye.push(log_of(evaluation.step_density(false, i)));
+    made->eye.push(log_of(n.lens_prob));
+    made->stay_light.assign(k + 1, 0);
+    made->stay_eye.assign(k + 1, 0);
+    if (context_.scene.features().any_straight) {
+      for (std::size_t i = 1; i < k; ++i) made->stay_light[i] = log_of(evaluation.prob_stay(true, i));
+      const bool on_surface = state.path.vertices.front().kind == Kind::surface_light;
+      for (std::size_t i = on_surface ? 0 : 1; i < k; ++i)
+        made->stay_eye[i] = log_of(evaluation.prob_stay(false, i));
+    }
+    return made;
+  });
+}
+
+double Subpaths::log_pdf_area(const PathState& state, const Kept& kept, std::size_t s) const {
+  const std::vector<PathVertex>& v = state.path.vertices;
+  const std::size_t count = v.size(), end = count - kept.eye;
+  const std::size_t joint = kept.light + s;  // the first vertex on the eye's side
+  const bool joins = joint > 0 && joint < count;
+  if (joins && (v[joint - 1].delta || v[joint].delta)) return kNever;
+  const Densities& d = densities(state);
+  double log_density = d.light.sum(kept.light, joint) + d.eye.sum(joint, end);
+  if (kept.light == 0 && s > 0) log_density += s == 1 ? d.light_direct : d.light_prob;
+  // A walk stays at its last vertex, unless that is an end.
+  const bool light_ends = joint > std::max<std::size_t>(kept.light, 1) && joint < count;
+  const bool eye_ends = joint < end && joint + 1 < count;
+  if (light_ends) log_density += d.stay_light[joint - 1];
+  if (eye_ends) log_density += d.stay_eye[joint];
+  return log_density;
+}
+
+std::optional<double> Subpaths::log_pdf_area(const PathState& state, const Kept& kept) const {
+  const std::size_t count = state.path.vertices.size();
+  if (count < kept.light + kept.eye) return std::nullopt;
+  const Choices all = choices(kept, count - kept.light - kept.eye);
+  if (all.count == 0) return std::nullopt;
+  LogSum sum;
+  for (std::size_t s = all.first; s < all.first + all.count; ++s) sum.add(log_pdf_area(state, kept, s));
+  const auto total = sum.value();
+  if (!total) return std::nullopt;
+  return *total - math::log(static_cast<double>(all.count));
+}
+
+}  // namespace candela::mcmc

@@ -1,0 +1,171 @@
+#include "worker/mcmc/path_space.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "worker/core/math.h"
+#include "worker/transport/path/serialize.h"
+
+namespace candela::mcmc {
+
+using transport::path::Path;
+
+namespace {
+
+enum Purpose : std::uint64_t { technique, vertices, mutation_choice, mutation_draws };
+constexpr std::uint64_t kPathSpace = 0x70617468;  // "path"
+
+rng::Stream stream_of(std::uint64_t key, Purpose purpose) {
+  return rng::Stream(rng::key(key, kPathSpace, purpose));
+}
+
+}  // namespace
+
+PathSpace::PathSpace(const MutatorContext& context, std::span<const MutatorShare> shares)
+    : context_(context),
+      rules_(context.rules()),
+      lengths_(context.min_edges, std::max(context.min_edges, context.max_edges)),
+      subpaths_(context_) {
+  for (const MutatorShare& share : shares) {
+    shares_.push_back(share.share);
+    mutators_.push_back(share.entry->make(context_));
+  }
+  counts_.resize(shares.size());
+}
+
+PathSpace::Technique PathSpace::choose(rng::Stream& stream) const {
+  const std::size_t count = lengths_.choose(stream.next_double()).edges + std::size_t{1};
+  const Subpaths::Choices choices = subpaths_.choices({}, count);
+  const auto choice = static_cast<std::size_t>(stream.next_double() * static_cast<double>(choices.count));
+  return {count, choices.first + std::min(choice, choices.count - 1)};
+}
+
+transport::path::PathSeed PathSpace::seed(std::uint64_t key) const {
+  rng::Stream choice = stream_of(key, technique);
+  const Technique made = choose(choice);
+  return {key, static_cast<std::uint32_t>(made.s), static_cast<std::uint32_t>(made.vertices - made.s)};
+}
+
+std::optional<PathSpace::State> PathSpace::independent(std::uint64_t key) const {
+  if (context_.max_edges < context_.min_edges) return std::nullopt;
+  rng::Stream choice = stream_of(key, technique), draws = stream_of(key, vertices);
+  const Technique made = choose(choice);
+  Proposal path = subpaths_.make(nullptr, {}, made.vertices, made.s, draws);
+  if (!path) return std::nullopt;
+  return state(std::move(*path));
+}
+
+std::optional<double> PathSpace::log_pdf_area(const PathState& path) const {
+  const auto density = subpaths_.log_pdf_area(path, {});
+  if (!density) return std::nullopt;
+  return *density + math::log(lengths_.prob(static_cast<std::uint32_t>(path.path.edge_count())));
+}
+
+std::optional<PathSpace::State> PathSpace::state(Path path) const {
+  auto found = path_state(context_.scene, std::move(path), rules_);
+  if (!found) return std::nullopt;
+  State out;
+  out.path = *std::move(found);
+  const auto density = log_pdf_area(out.path);
+  if (!density) return std::nullopt;
+  out.log_density = *density;
+  for (std::size_t i = 0; i < mutators_.size(); ++i) {
+    const double weight = shares_[i] * mutators_[i]->suitability(out.path);
+    out.suitabilities.push_back(weight);
+    out.suitability_sum += weight;
+  }
+  return out;
+}
+
+// Of the image's mean: divided by the number of pixels.
+void PathSpace::put(const State& state, SplatList& out) const {
+  const double scale = math::exp(-state.log_density) / (context_.film_width * context_.film_height);
+  const auto value = [&](std::size_t c) { return static_cast<float>(state.path.contribution[c] * scale); };
+  out.add(state.path.assembled().film, {value(0), value(1), value(2)});
+}
+
+void PathSpace::start(std::uint64_t key, SplatList& out) {
+  out.clear();
+  present_ = independent(key);
+  if (present_) put(*present_, out);
+}
+
+double PathSpace::propose(const Mutation& mutation, SplatList& out) {
+  out.clear();
+  proposal_.reset();
+  double ratio = 1;
+  if (mutation.large) {
+    mutator_ = mutators_.size();
+    proposal_ = independent(mutation.key);
+  } else {
+    ratio = propose_mutation(mutation.key);
+  }
+  if (!proposal_) return 0;
+  put(*proposal_, out);
+  return ratio;
+}
+
+double PathSpace::propose_mutation(std::uint64_t key) {
+  mutator_ = mutators_.size();
+  if (!present_ || !(present_->suitability_sum > 0)) return 0;
+  const State& from = *present_;
+  rng::Stream choice = stream_of(key, mutation_choice), draws = stream_of(key, mutation_draws);
+  double u = choice.next_double() * from.suitability_sum;
+  for (std::size_t i = 0; i < mutators_.size(); ++i) {
+    if (!(from.suitabilities[i] > 0)) continue;
+    mutator_ = i;
+    u -= from.suitabilities[i];
+    if (u < 0) break;
+  }
+  const PathMutator& mutator = *mutators_[mutator_];
+  MutatorCounts& counts = counts_[mutator_];
+  ++counts.proposed;
+  const auto failed = [&](MutationFailure why) {
+    ++counts.failed[static_cast<std::size_t>(why)];
+    return 0.0;
+  };
+  Proposal made = mutator.propose(from.path, draws);
+  if (!made) return failed(made.failure());
+  auto to = state(std::move(*made));
+  if (!to) return failed(MutationFailure::dark);
+  if (!(to->suitabilities[mutator_] > 0)) return failed(MutationFailure::one_way);
+  const auto forward = mutator.log_pdf_area(from.path, to->path),
+             back = mutator.log_pdf_area(to->path, from.path);
+  if (!forward || !back) return failed(MutationFailure::one_way);
+  const double chosen = from.suitabilities[mutator_] / from.suitability_sum,
+               chosen_back = to->suitabilities[mutator_] / to->suitability_sum;
+  const double ratio =
+      math::exp(*back - *forward + to->log_density - from.log_density) * (chosen_back / chosen);
+  if (!std::isfinite(ratio)) return failed(MutationFailure::not_finite);
+  proposal_ = std::move(to);
+  return ratio;
+}
+
+void PathSpace::accept() {
+  if (mutator_ < counts_.size()) ++counts_[mutator_].accepted;
+  present_ = std::move(proposal_);
+  proposal_.reset();
+}
+
+void PathSpace::reject() {
+  proposal_.reset();
+}
+
+std::string PathSpace::save() const {
+  return present_ ? to_bytes(present_->path.path) : std::string();
+}
+
+Result<void> PathSpace::restore(std::string_view bytes, SplatList& out) {
+  out.clear();
+  CANDELA_ASSIGN(Path path, transport::path::path_from_bytes(bytes));
+  const std::size_t edges = path.edge_count();
+  if (edges < context_.min_edges || edges > context_.max_edges ||
+      !transport::path::exists(context_.scene, path))
+    return input_error("a path cannot be used: it is none of this scene and job").with_field("state");
+  present_ = state(std::move(path));
+  if (present_) put(*present_, out);
+  return {};
+}
+
+}  // namespace candela::mcmc

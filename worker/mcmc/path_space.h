@@ -1,0 +1,86 @@
+// The space of paths as a chain's state space [Veach 1997, ch. 11].
+//
+// A bootstrap sample, and a large step, is one path: its length k is drawn (path_lengths.h), then one of the
+// ways of bidirectional path tracing to make such a path, each as probable as the others (subpaths.h). Let
+// p(X) be the density of X by all of them. The measure of the space is p(X) dX: large steps are uniform in
+// it, the scalar contribution is I = f* / p, and the quotient of transitions has p in it,
+//   T(Y -> X) p(Y) / (T(X -> Y) p(X)).
+// A path of p = 0 is none of the chain's: no technique of bidirectional path tracing makes it.
+//
+// Other steps: a mutation is chosen with the probability
+//   pi_j(X) = share_j suitability_j(X) / sum of all shares and suitabilities
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "worker/mcmc/mutators/registry.h"
+#include "worker/mcmc/mutators/subpaths.h"
+#include "worker/mcmc/path_lengths.h"
+#include "worker/mcmc/state_space.h"
+
+namespace candela::mcmc {
+
+struct MutatorShare {
+  const MutatorEntry* entry = nullptr;
+  double share = 0;  // > 0
+};
+
+// Of one mutation, in a space's life.
+struct MutatorCounts {
+  std::uint64_t proposed = 0, accepted = 0;
+  std::array<std::uint64_t, kMutationFailures> failed{};
+};
+
+class PathSpace final : public StateSpace {
+ public:
+  PathSpace(const MutatorContext& context, std::span<const MutatorShare> shares);
+
+  void start(std::uint64_t key, SplatList& out) override;
+  double propose(const Mutation& mutation, SplatList& out) override;
+  void accept() override;
+  void reject() override;
+  std::string save() const override;
+  Result<void> restore(std::string_view bytes, SplatList& out) override;
+
+  // The seed of the path that start(key) makes: its sample is the key.
+  transport::path::PathSeed seed(std::uint64_t key) const;
+  // Nothing: there is no present state.
+  const PathState* present() const { return present_ ? &present_->path : nullptr; }
+  // log p. Nothing: it is 0, or cannot be held.
+  std::optional<double> log_pdf_area(const PathState& path) const;
+  // By mutation, in the order of the shares.
+  const std::vector<MutatorCounts>& counts() const { return counts_; }
+
+ private:
+  struct State {
+    PathState path;
+    double log_density = 0;             // log p
+    std::vector<double> suitabilities;  // times shares, by mutation
+    double suitability_sum = 0;
+  };
+  struct Technique {
+    std::size_t vertices = 0, s = 0;
+  };
+
+  Technique choose(rng::Stream& stream) const;
+  std::optional<State> independent(std::uint64_t key) const;
+  std::optional<State> state(transport::path::Path path) const;
+  double propose_mutation(std::uint64_t key);
+  void put(const State& state, SplatList& out) const;
+
+  const MutatorContext context_;
+  transport::path::Rules rules_;
+  PathLengths lengths_;
+  Subpaths subpaths_;
+  std::vector<double> shares_;
+  std::vector<std::unique_ptr<PathMutator>> mutators_;
+  std::optional<State> present_, proposal_;
+  std::size_t mutator_ = 0;  // of the proposal; their number: a large step
+  std::vector<MutatorCounts> counts_;
+};
+
+}  // namespace candela::mcmc
