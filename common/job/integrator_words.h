@@ -64,13 +64,15 @@ inline constexpr IntegratorWords kOptimis{"optimis", 5};
 inline constexpr IntegratorWords kFppm{"fppm", 2};
 inline constexpr IntegratorWords kCppm{"cppm", 2};
 inline constexpr IntegratorWords kAppm{"appm", 2};
+// Gathers as ppm.
+inline constexpr IntegratorWords kMcppm{"mcppm", 2, kTwoThirds};
 // Radii of pixels shrink by tests, and all a little for the bias that no test has seen.
 inline constexpr IntegratorWords kVcmplus{"vcmplus", 2, {0.9, "0.9"}};
 // 0: the default of the estimator that the chains are over.
 inline constexpr IntegratorWords kPssmlt{"pssmlt", 0};
 inline constexpr IntegratorWords kMmlt{"mmlt", 1024};
 
-inline constexpr std::array kIntegrators = {kPath,    kBdpt, kLight, kPpm,  kBpm,     kVcm,    kUpbp,
-                                            kOptimis, kFppm, kCppm,  kAppm, kVcmplus, kPssmlt, kMmlt};
+inline constexpr std::array kIntegrators = {kPath, kBdpt, kLight, kPpm,     kBpm,   kVcm,    kUpbp, kOptimis,
+                                            kFppm, kCppm, kAppm,  kVcmplus, kMcppm, kPssmlt, kMmlt};
 
 }  // namespace candela::integrator_words

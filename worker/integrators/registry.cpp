@@ -8,6 +8,7 @@
 #include "worker/integrators/cppm/cppm.h"
 #include "worker/integrators/fppm/fppm.h"
 #include "worker/integrators/light/light.h"
+#include "worker/integrators/mcppm/mcppm.h"
 #include "worker/integrators/mmlt/mmlt.h"
 #include "worker/integrators/optimis/optimis.h"
 #include "worker/integrators/path/path.h"
@@ -33,6 +34,7 @@ std::vector<IntegratorEntry> product_integrators() {
       integrator_entry<CppmSettings>(integrator_words::kCppm.name, &make_cppm_integrator),
       integrator_entry<AppmSettings>(integrator_words::kAppm.name, &make_appm_integrator),
       integrator_entry<VcmplusSettings>(integrator_words::kVcmplus.name, &make_vcmplus_integrator),
+      integrator_entry<McppmSettings>(integrator_words::kMcppm.name, &make_mcppm_integrator),
       integrator_entry<PssmltSettings>(integrator_words::kPssmlt.name, &make_pssmlt_integrator),
       integrator_entry<MmltSettings>(integrator_words::kMmlt.name, &make_mmlt_integrator),
   };

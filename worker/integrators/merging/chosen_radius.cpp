@@ -96,9 +96,9 @@ Decision decide_radius(Plan plan, const UnitContext& context, const IterationOpt
   return {out.bytes(), std::move(plan)};
 }
 
-Result<double> decided_radius(const UnitInput& input, const IterationOptions& options) {
+Result<double> decided_radius(std::string_view decided, const IterationOptions& options) {
   if (!options.techniques.merges()) return 1.0;
-  DecisionReader in(input.state.decided, kKind);
+  DecisionReader in(decided, kKind);
   const double radius = in.real(kLeastRadius, kGreatestRadius);
   CANDELA_TRY(in.done());
   return radius;
