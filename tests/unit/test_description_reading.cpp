@@ -85,7 +85,7 @@ TEST(DescriptionReading, AnyIntegratorPasses) {
   EXPECT_EQ(
       told(read(new_file, cases[0].body, kStrict)),
       "scene.xml:2: unknown integrator 'guided_path' (there is 'path', 'light', 'bdpt', 'ppm', 'bpm', "
-      "'vcm', 'upbp', 'optimis', 'fppm', 'cppm', 'appm', 'vcmplus', 'pssmlt', 'mmlt'; --integrator NAME "
+      "'vcm', 'upbp', 'optimis', 'fppm', 'cppm', 'appm', 'vcmplus', 'mcppm', 'pssmlt', 'mmlt'; --integrator NAME "
       "chooses one)");
 }
 

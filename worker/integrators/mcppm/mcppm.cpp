@@ -12,6 +12,7 @@
 #include "worker/integrators/mcppm/photon_pass.h"
 #include "worker/integrators/mcppm/pilot.h"
 #include "worker/integrators/merging/chosen_radius.h"
+#include "worker/integrators/merging/first_radius.h"
 #include "worker/integrators/merging/iterations.h"
 #include "worker/integrators/merging/one_radius.h"
 #include "worker/integrators/plan_between.h"
@@ -20,8 +21,7 @@
 namespace candela::integrators {
 namespace {
 
-// The decision: one of these, and the bytes of the radius (merging/chosen_radius.h).
-constexpr std::string_view kWithChains = "mcc1", kAsPpm = "mcp1";
+constexpr std::string_view kKind = "mcp1";  // of the decision: the radius, and 1 if chains run
 
 // Least and largest distance of a mutation [Kelemen 2002, Sec. 3.2].
 mcmc::StepSizes step_sizes(double step) {
@@ -38,15 +38,20 @@ class McppmIntegrator final : public IterationIntegrator {
         may_chain_(planned_.techniques.merges() && settings.mutations_per_path > 0) {}
 
   Result<Decision> decide(const UnitContext& context, const RunContext& run) const override {
-    Decision decision = merging::decide_radius(plan(), context, iterations_);
-    if (!may_chain_) return decision;
-    CANDELA_ASSIGN(const double radius, merging::decided_radius(decision.bytes, iterations_));
+    if (!may_chain_) return merging::decide_radius(plan(), context, iterations_);
+    Decision decision{{}, plan()};
+    const merging::ChosenRadius radius =
+        merging::choose_radius(context, iterations_.merge, options_, planned_.techniques);
+    merging::note_radius(radius, context, decision.plan);
     CANDELA_ASSIGN(const mcppm::VisibleFraction fraction,
-                   mcppm::visible_fraction(planned_.between, context, iterations_, radius, run));
+                   mcppm::visible_fraction(planned_.between, context, iterations_, radius.value, run));
     const bool chains =
         mcppm::decide_chains(fraction, merging::light_path_count(iterations_.merge, context),
                              mutation_count(context), settings_.common.full_plan(), decision.plan);
-    decision.bytes.insert(0, chains ? kWithChains : kAsPpm);
+    DecisionWriter out(kKind);
+    out.real(radius.value);
+    out.count(chains ? 1 : 0);
+    decision.bytes = out.bytes();
     return decision;
   }
 
@@ -59,8 +64,8 @@ class McppmIntegrator final : public IterationIntegrator {
         static_cast<std::uint32_t>(settings_.epochs.lag),
         std::string(photon_chains::kRule),
         {{std::string(photon_chains::kFirstStep), candela::adaptive::constant_text(settings_.step)}}};
-    if (!state.decided.starts_with(kAsPpm))
-      plan.accumulators = {photon_chains::spec(size.width, size.height)};
+    const Result<Decided> decided = read(state.decided);
+    if (!decided.ok() || decided->chains) plan.accumulators = {photon_chains::spec(size.width, size.height)};
     return plan;
   }
 
@@ -68,23 +73,33 @@ class McppmIntegrator final : public IterationIntegrator {
                    const RunContext& run) const override {
     if (!may_chain_)
       return merging::run_ppm(planned_.between, context, unit, input, iterations_, output, run);
-    const std::string& decided = input.state.decided;
-    const bool chains = decided.starts_with(kWithChains);
-    if (!chains && !decided.starts_with(kAsPpm)) return DecisionReader(decided, kWithChains).done();
-    UnitInput of_radius = input;
-    of_radius.state.decided.erase(0, kWithChains.size());
-    if (!chains)
-      return merging::run_ppm(planned_.between, context, unit, of_radius, iterations_, output, run);
-    CANDELA_ASSIGN(const double radius, merging::decided_radius(of_radius.state.decided, iterations_));
+    CANDELA_ASSIGN(const Decided decided, read(input.state.decided));
+    if (!decided.chains) {
+      UnitInput of_ppm = input;
+      of_ppm.state.decided = merging::radius_bytes(decided.radius);
+      return merging::run_ppm(planned_.between, context, unit, of_ppm, iterations_, output, run);
+    }
     const auto state = input.states.find(photon_chains::kRule);
     CANDELA_ASSIGN(const double step,
                    photon_chains::step_of(state == input.states.end() ? std::string_view() : state->second));
     return with_between(planned_.between, [&](auto between) {
-      return run_chains<between()>(context, unit, radius, step_sizes(step), output, run);
+      return run_chains<between()>(context, unit, decided.radius, step_sizes(step), output, run);
     });
   }
 
  private:
+  struct Decided {
+    double radius;
+    bool chains;
+  };
+  static Result<Decided> read(std::string_view bytes) {
+    DecisionReader in(bytes, kKind);
+    const double radius = in.real(merging::kLeastRadius, merging::kGreatestRadius);
+    const bool chains = in.count(2) == 1;
+    CANDELA_TRY(in.done());
+    return Decided{radius, chains};
+  }
+
   std::uint64_t mutation_count(const UnitContext& context) const {
     const auto paths = static_cast<double>(merging::light_path_count(iterations_.merge, context));
     return static_cast<std::uint64_t>(settings_.mutations_per_path * paths + 0.5);

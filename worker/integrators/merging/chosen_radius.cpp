@@ -91,14 +91,18 @@ Decision decide_radius(Plan plan, const UnitContext& context, const IterationOpt
   if (!options.techniques.merges()) return {{}, std::move(plan)};
   const ChosenRadius chosen = choose_radius(context, options.merge, options.paths, options.techniques);
   note_radius(chosen, context, plan);
-  DecisionWriter out(kKind);
-  out.real(chosen.value);
-  return {out.bytes(), std::move(plan)};
+  return {radius_bytes(chosen.value), std::move(plan)};
 }
 
-Result<double> decided_radius(std::string_view decided, const IterationOptions& options) {
+std::string radius_bytes(double radius) {
+  DecisionWriter out(kKind);
+  out.real(radius);
+  return out.bytes();
+}
+
+Result<double> decided_radius(const UnitInput& input, const IterationOptions& options) {
   if (!options.techniques.merges()) return 1.0;
-  DecisionReader in(decided, kKind);
+  DecisionReader in(input.state.decided, kKind);
   const double radius = in.real(kLeastRadius, kGreatestRadius);
   CANDELA_TRY(in.done());
   return radius;

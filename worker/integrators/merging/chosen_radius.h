@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <string>
-#include <string_view>
 
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/merging/iteration_options.h"
@@ -36,10 +35,9 @@ void note_radius(const ChosenRadius& chosen, const UnitContext& context, Plan& p
 
 // Decides the radius for these options, if anything merges; `plan` is what will run.
 Decision decide_radius(Plan plan, const UnitContext& context, const IterationOptions& options);
+// Decision::bytes of a radius.
+std::string radius_bytes(double radius);
 // The radius that the pilot decided, in scene units; 1 where nothing merges. Fails (input) on other bytes.
-Result<double> decided_radius(std::string_view decided, const IterationOptions& options);
-inline Result<double> decided_radius(const UnitInput& input, const IterationOptions& options) {
-  return decided_radius(input.state.decided, options);
-}
+Result<double> decided_radius(const UnitInput& input, const IterationOptions& options);
 
 }  // namespace candela::integrators::merging
