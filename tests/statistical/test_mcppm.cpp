@@ -74,20 +74,20 @@ struct Case {
   const char* radius;       // of the bounding sphere's
   const char* light_paths;  // per pixel
   SettingsMap more = {};    // of mcppm
-  std::uint64_t iterations = 4;
+  bool nightly = false;     // of the long form alone
 };
 
 std::vector<Case> cases() {
   return {{"keyhole", keyhole(0.2, kBall), "0.05", "8"},
-          {"keyhole_long", keyhole(0.2, kBall), "0.05", "2", {{"mutations_per_path", "10"}}},
-          {"keyhole_large_steps", keyhole(0.2, kBall), "0.05", "8", {{"step", "0.5"}, {"lag", "64"}}},
-          {"narrow_keyhole", keyhole(0.06), "0.1", "16"},
-          {"open", keyhole(1.8, kBall), "0.05", "2"},
+          {"keyhole_long", keyhole(0.2, kBall), "0.05", "2", {{"mutations_per_path", "10"}}, true},
+          {"keyhole_large_steps", keyhole(0.2, kBall), "0.05", "8", {{"step", "0.5"}, {"lag", "64"}}, true},
+          {"narrow_keyhole", keyhole(0.06), "0.1", "16", {}, true},
+          {"open", keyhole(1.8, kBall), "0.05", "2", {}, true},
           {"everything", keyhole(1.8, kBall), "0.3", "2"},
           {"fog", keyhole(0.4, kFog), "0.08", "4"},
           {"patch", patch(6), "0.02", "8"},
           {"far_patch", patch(40), "0.003", "32"},
-          {"no_mutations", keyhole(0.2, kBall), "0.05", "8", {{"mutations_per_path", "0.001"}}}};
+          {"no_mutations", keyhole(0.2, kBall), "0.05", "8", {{"mutations_per_path", "0.001"}}, true}};
 }
 
 class McppmAndPpm : public testing::TestWithParam<std::string> {};
@@ -102,7 +102,7 @@ TEST_P(McppmAndPpm, AgreeAtOneRadius) {
     own.insert({{"plan", "full"}, {"epoch_min", "2"}});
     BatchPlan plan;
     plan.seed = 4500;
-    plan.iterations = one.iterations;
+    plan.iterations = long_form() ? 128 : 8;
     plan.batches = 24;
     const auto mcppm = make_estimator("mcppm", {{1.0, with_integrator(scene, "mcppm", own)}}, plan, kRegions);
     plan.seed = 9000;
@@ -118,7 +118,8 @@ TEST_P(McppmAndPpm, AgreeAtOneRadius) {
 
 std::vector<std::string> names() {
   std::vector<std::string> all;
-  for (const Case& one : cases()) all.emplace_back(one.name);
+  for (const Case& one : cases())
+    if (long_form() || !one.nightly) all.emplace_back(one.name);
   return all;
 }
 INSTANTIATE_TEST_SUITE_P(Mcppm, McppmAndPpm, testing::ValuesIn(names()),

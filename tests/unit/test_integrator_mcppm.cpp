@@ -85,7 +85,7 @@ TEST(Mcppm, IsPpmWhereChainsDoNotPay) {
   EXPECT_TRUE(pilot_of(*mcppm).work.accumulators.empty());
   EXPECT_EQ(sums(run(*mcppm, kUnit)), sums(run(*ppm, kUnit)));
   const std::string plan = pilot_of(*mcppm).plan;
-  EXPECT_NE(plan.find("skip  chains of visible photons"), std::string::npos) << plan;
+  EXPECT_NE(plan.find("skip chains of visible photons"), std::string::npos) << plan;
   EXPECT_NE(plan.find("above 20 % chains do not pay"), std::string::npos) << plan;
 
   const auto none = make("mcppm", patch(30), {{"radius", "0.0003"}, {"mutations_per_path", "0"}});
@@ -95,7 +95,7 @@ TEST(Mcppm, IsPpmWhereChainsDoNotPay) {
 
   const auto full = make("mcppm", kRoom, {{"radius", "0.03"}, {"plan", "full"}});
   EXPECT_NE(sums(run(*full, kUnit)), sums(run(*ppm, kUnit)));
-  EXPECT_NE(pilot_of(*full).plan.find("use   chains of visible photons"), std::string::npos)
+  EXPECT_NE(pilot_of(*full).plan.find("use  chains of visible photons"), std::string::npos)
       << pilot_of(*full).plan;
 }
 
@@ -104,7 +104,7 @@ TEST(Mcppm, IsPpmWhereChainsDoNotPay) {
 TEST(Mcppm, SpreadsFewVisiblePaths) {
   const auto renderer = make("mcppm", patch(30), {{"radius", "0.0008"}, {"light_paths", "20"}});
   const PilotResult pilot = pilot_of(*renderer);
-  EXPECT_NE(pilot.plan.find("use   chains of visible photons"), std::string::npos) << pilot.plan;
+  EXPECT_NE(pilot.plan.find("use  chains of visible photons"), std::string::npos) << pilot.plan;
   EXPECT_NE(pilot.plan.find("an iteration has 5120 light paths and 5120 mutations"), std::string::npos)
       << pilot.plan;
   const auto output = run(*renderer, kUnit);
@@ -122,7 +122,7 @@ TEST(Mcppm, SpreadsFewVisiblePaths) {
   EXPECT_EQ(counts_of(run(*renderer, kUnit, 0.3)).visible_paths, counts.visible_paths);
   const std::string few =
       pilot_of(*make("mcppm", patch(300), {{"radius", "0.0001"}, {"light_paths", "0.5"}})).plan;
-  EXPECT_NE(few.find("note  visible light paths"), std::string::npos) << few;
+  EXPECT_NE(few.find("note visible light paths"), std::string::npos) << few;
 }
 
 // Claim: threads and cuts leave no trace in film, counts and tallies, where chains are few and long.
