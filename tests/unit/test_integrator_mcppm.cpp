@@ -74,7 +74,7 @@ photon_chains::Counts counts_of(const render::UnitOutput& output) {
   return photon_chains::read(merged);
 }
 
-const Unit kUnit{Unit::Kind::iterations, 1, 2, 5};
+const Unit kUnit{Unit::Kind::iterations, 1, 1, 4};  // of the first epoch
 
 // Claim: where more than a fifth of the light paths is visible, and where the settings want no mutations,
 // mcppm is ppm bit for bit, sums nothing beside the film, and says why.
@@ -88,10 +88,10 @@ TEST(Mcppm, IsPpmWhereChainsDoNotPay) {
   EXPECT_NE(plan.find("skip chains of visible photons"), std::string::npos) << plan;
   EXPECT_NE(plan.find("above 20 % chains do not pay"), std::string::npos) << plan;
 
-  const auto none = make("mcppm", patch(30), {{"radius", "0.0003"}, {"mutations_per_path", "0"}});
+  const auto none = make("mcppm", patch(8), {{"radius", "0.01"}, {"mutations_per_path", "0"}});
   EXPECT_FALSE(pilot_of(*none).work.epochs);
   EXPECT_NE(pilot_of(*none).plan.find("mutations_per_path=0"), std::string::npos);
-  EXPECT_EQ(sums(run(*none, kUnit)), sums(run(*make("ppm", patch(30), {{"radius", "0.0003"}}), kUnit)));
+  EXPECT_EQ(sums(run(*none, kUnit)), sums(run(*make("ppm", patch(8), {{"radius", "0.01"}}), kUnit)));
 
   const auto full = make("mcppm", kRoom, {{"radius", "0.03"}, {"plan", "full"}});
   EXPECT_NE(sums(run(*full, kUnit)), sums(run(*ppm, kUnit)));
@@ -102,7 +102,7 @@ TEST(Mcppm, IsPpmWhereChainsDoNotPay) {
 // Claim: few visible paths are spread over chains, and the plan warns if they are fewer than ten; epochs
 // count whole iterations.
 TEST(Mcppm, SpreadsFewVisiblePaths) {
-  const auto renderer = make("mcppm", patch(30), {{"radius", "0.0008"}, {"light_paths", "20"}});
+  const auto renderer = make("mcppm", patch(8), {{"radius", "0.01"}, {"light_paths", "20"}});
   const PilotResult pilot = pilot_of(*renderer);
   EXPECT_NE(pilot.plan.find("use  chains of visible photons"), std::string::npos) << pilot.plan;
   EXPECT_NE(pilot.plan.find("an iteration has 5120 light paths and 5120 mutations"), std::string::npos)
@@ -128,7 +128,7 @@ TEST(Mcppm, SpreadsFewVisiblePaths) {
 // Claim: threads and cuts leave no trace in film, counts and tallies, where chains are few and long.
 TEST(Mcppm, ThreadsAndCutsChangeNothing) {
   const auto renderer =
-      make("mcppm", patch(30), {{"radius", "0.0008"}, {"light_paths", "20"}, {"mutations_per_path", "3"}});
+      make("mcppm", patch(8), {{"radius", "0.01"}, {"light_paths", "20"}, {"mutations_per_path", "3"}});
   const auto one = run(*renderer, kUnit), other = run(*renderer, kUnit, 1.0 / 64, 5);
   EXPECT_EQ(sums(one), sums(other));
   EXPECT_EQ(counts_of(one), counts_of(other));
@@ -148,7 +148,7 @@ TEST(Mcppm, BlackIterationsCount) {
 // Claim: a unit without the state of its epoch, or with other bytes, fails and names the field; so do bad
 // settings.
 TEST(Mcppm, OthersAreRefused) {
-  const auto renderer = make("mcppm", patch(30), {{"radius", "0.0008"}});
+  const auto renderer = make("mcppm", patch(8), {{"radius", "0.01"}});
   const PilotResult pilot = pilot_of(*renderer);
   render::UnitOutput output = renderer->make_output(pilot.state);
   for (const std::string& bytes : {std::string(), std::string("none"), std::string(8, '\0')}) {
