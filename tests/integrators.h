@@ -21,7 +21,7 @@ struct IntegratorRow {
   std::string name;
   bool chains = false;  // its units are bootstrap samples and segments of Markov chains
   bool merges = false;  // it merges photons: biased by a radius
-  bool epochs = false;  // its radii are decided between epochs; `small` then has short ones
+  bool epochs = false;  // radii or steps are decided between epochs; `small` then has short ones
   // Iterations of a job on the farm that takes as long as one of path's with 1.
   double farm_share = 1;
   // It renders media, and layers by expressions; without them it is in no test that has some among others.
@@ -103,6 +103,14 @@ inline const std::vector<IntegratorRow>& integrators() {
        .unit_times = {"0.01"},
        .deaths = 5,
        .soak_iterations = 250},
+      // Chains run even where they do not pay.
+      {.name = "mcppm",
+       .merges = true,
+       .epochs = true,
+       .farm_share = 0.1,
+       .small = {{"epoch_min", "2"}, {"plan", "full"}},
+       .like = "ppm",
+       .pictures = Pictures::some},
       {.name = "pssmlt",
        .chains = true,
        .farm_share = 0.02,

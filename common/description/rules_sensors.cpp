@@ -245,6 +245,8 @@ void add_integrators(std::vector<PluginRule>& table) {
       integrator_rule(words::kAppm, {}, "photon mapping with radii that minimize the estimated error"));
   table.push_back(
       integrator_rule(words::kVcmplus, {}, "vertex connection and merging with radii by F tests"));
+  table.push_back(
+      integrator_rule(words::kMcppm, {}, "photon mapping with Metropolis chains of visible photons"));
   const std::string_view their_own = "chains have settings of their own: --set";
   const std::vector<PropertyRule> chains = {ignored("luminance_samples", {integer}, their_own),
                                             ignored("direct_samples", {integer}, their_own),

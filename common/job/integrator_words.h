@@ -64,6 +64,8 @@ inline constexpr IntegratorWords kOptimis{"optimis", 5};
 inline constexpr IntegratorWords kFppm{"fppm", 2};
 inline constexpr IntegratorWords kCppm{"cppm", 2};
 inline constexpr IntegratorWords kAppm{"appm", 2};
+// Gathers as ppm.
+inline constexpr IntegratorWords kMcppm{"mcppm", 2, kTwoThirds};
 // Radii of pixels shrink by tests, and all a little for the bias that no test has seen.
 inline constexpr IntegratorWords kVcmplus{"vcmplus", 2, {0.9, "0.9"}};
 // 0: the default of the estimator that the chains are over.
@@ -72,7 +74,7 @@ inline constexpr IntegratorWords kMmlt{"mmlt", 1024};
 // Of path tracing beside the chains alone, whose paths are short.
 inline constexpr IntegratorWords kMlt{"mlt", 5};
 
-inline constexpr std::array kIntegrators = {kPath,    kBdpt, kLight, kPpm,  kBpm,     kVcm,    kUpbp,
-                                            kOptimis, kFppm, kCppm,  kAppm, kVcmplus, kPssmlt, kMmlt, kMlt};
+inline constexpr std::array kIntegrators = {kPath, kBdpt, kLight, kPpm,     kBpm,   kVcm,    kUpbp, kOptimis,
+                                            kFppm, kCppm, kAppm,  kVcmplus, kMcppm, kPssmlt, kMmlt, kMlt};
 
 }  // namespace candela::integrator_words

@@ -82,11 +82,11 @@ TEST(DescriptionReading, AnyIntegratorPasses) {
     EXPECT_EQ(integrator_of(result), test.expected) << test.body;
     EXPECT_EQ(told(result), "") << test.body;
   }
-  EXPECT_EQ(
-      told(read(new_file, cases[0].body, kStrict)),
-      "scene.xml:2: unknown integrator 'guided_path' (there is 'path', 'light', 'bdpt', 'ppm', 'bpm', "
-      "'vcm', 'upbp', 'optimis', 'fppm', 'cppm', 'appm', 'vcmplus', 'pssmlt', 'mmlt'; --integrator NAME "
-      "chooses one)");
+  EXPECT_EQ(told(read(new_file, cases[0].body, kStrict)),
+            "scene.xml:2: unknown integrator 'guided_path' (there is 'path', 'light', 'bdpt', 'ppm', 'bpm', "
+            "'vcm', 'upbp', 'optimis', 'fppm', 'cppm', 'appm', 'vcmplus', 'mcppm', 'pssmlt', 'mmlt'; "
+            "--integrator NAME "
+            "chooses one)");
 }
 
 // Claim: a scene's integrator that is the one that runs tells what of it is passed over.

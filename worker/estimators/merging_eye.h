@@ -206,6 +206,18 @@ class VcmEye : public transport::EyeTechniques {
   bool loaded_ = false, counts_repeats_ = false;
 };
 
+// Which eye paths of ppm go on. sharp: directions of high density are the walk's.
+struct PpmWalk {
+  bool sharp = false;
+
+  // From a vertex that is connectible.
+  bool goes_on(const transport::ScatterPoint& v) const {
+    return v.on_surface() ? v.closure.has_delta_lobes() || (sharp && !v.closure.even()) : sharp;
+  }
+  // In the direction in which the walk left v.
+  bool follows(const transport::ScatterPoint& v) const { return sharp ? v.left_sharply : v.left_by_delta; }
+};
+
 // ppm: the walk goes on where it is reflected or refracted specularly, by a delta lobe or in a direction of
 // density above kSharpDensity. All else that a vertex scatters is estimated by merging where it is met: so
 // the walk ends there. Each path is found in one way, since the density is a function of the vertex and both
@@ -229,7 +241,7 @@ class PpmEye : public transport::EyeTechniques {
         rules_(eye_rules(options, techniques, counts)),
         side_(side),
         tallies_(tallies),
-        sharp_(std::isfinite(side.maps.max_density)),
+        walk_{std::isfinite(side.maps.max_density)},
         letters_(transport::eye_letters<kBetween>(side.letters)),
         gather_(scene, side.maps, statistics, letters_ ? &*letters_ : nullptr) {}
 
@@ -283,11 +295,11 @@ class PpmEye : public transport::EyeTechniques {
     if constexpr (Statistics::kCollects)
       if (counts_repeats_) transport::count_repeats(side_.maps, *scale_, v, tallies_);
     merged_ += gather_.finish(sum_);
-    return v.on_surface() ? v.closure.has_delta_lobes() || (sharp_ && !v.closure.even()) : sharp_;
+    return walk_.goes_on(v);
   }
   bool scattered(const EyeWalk& walk, const Vertex& v) {
     if (reads_letters()) letters_->scattered(v, walk.direction());
-    return sharp_ ? v.left_sharply : v.left_by_delta;
+    return walk_.follows(v);
   }
 
  private:
@@ -300,7 +312,7 @@ class PpmEye : public transport::EyeTechniques {
   const transport::WalkRules rules_;
   const LightSide<Block, Field>& side_;
   film::Tallies& tallies_;
-  const bool sharp_;  // directions of high density are the walk's
+  const PpmWalk walk_;
   const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
   transport::VertexPair<Block> room_;
   std::optional<transport::EyeLetters> letters_;

@@ -9,6 +9,7 @@
 #include "worker/integrators/cppm/cppm.h"
 #include "worker/integrators/fppm/fppm.h"
 #include "worker/integrators/light/light.h"
+#include "worker/integrators/mcppm/mcppm.h"
 #include "worker/integrators/mlt/mlt.h"
 #include "worker/integrators/mmlt/mmlt.h"
 #include "worker/integrators/optimis/optimis.h"
@@ -36,6 +37,7 @@ std::vector<IntegratorEntry> product_integrators() {
       integrator_entry<CppmSettings>(integrator_words::kCppm.name, &make_cppm_integrator),
       integrator_entry<AppmSettings>(integrator_words::kAppm.name, &make_appm_integrator),
       integrator_entry<VcmplusSettings>(integrator_words::kVcmplus.name, &make_vcmplus_integrator),
+      integrator_entry<McppmSettings>(integrator_words::kMcppm.name, &make_mcppm_integrator),
       integrator_entry<PssmltSettings>(integrator_words::kPssmlt.name, &make_pssmlt_integrator),
       integrator_entry<MmltSettings>(integrator_words::kMmlt.name, &make_mmlt_integrator),
       integrator_entry<MltSettings>(integrator_words::kMlt.name, &make_mlt_integrator),

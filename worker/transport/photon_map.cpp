@@ -46,6 +46,22 @@ bool PhotonBuffer<Block>::keep(const scene::Scene& scene, const Vertex<Block>& v
 }
 
 template <class Block>
+void PhotonBuffer<Block>::drop_from(std::size_t size) {
+  const auto drop = [&](auto& list) {
+    if (list.size() > size) list.erase(list.begin() + static_cast<std::ptrdiff_t>(size), list.end());
+  };
+  drop(positions_);
+  drop(photons_);
+  drop(survivals_);
+  drop(states_);
+}
+
+template <class Block>
+void PhotonBuffer<Block>::scale_flux(std::size_t begin, std::size_t end, float factor) {
+  for (std::size_t i = begin; i < end; ++i) photons_[i].flux *= factor;
+}
+
+template <class Block>
 Result<void> PhotonMap<Block>::build(std::span<const PhotonBuffer<Block>* const> chunks, float radius,
                                      unsigned threads) {
   std::vector<std::size_t> first(chunks.size() + 1, 0);

@@ -82,6 +82,10 @@ class PhotonBuffer {
             const ChannelStates* states = nullptr);
   // Once after each path, if its photons are to be known by it.
   void end_path() { ends_.push_back(static_cast<std::uint32_t>(photons_.size())); }
+  // Drops the photons from number `size` on. Precondition: paths are not known.
+  void drop_from(std::size_t size);
+  // Multiplies the flux of photons [begin, end).
+  void scale_flux(std::size_t begin, std::size_t end, float factor);
 
   std::size_t size() const { return photons_.size(); }
   std::span<const Vec3> positions() const { return positions_; }

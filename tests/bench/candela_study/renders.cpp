@@ -34,8 +34,8 @@ Result<Rendered> render_job(const Render& render, const std::vector<std::uint64_
   run.job.seed = render.seed;
   run.job.sampler = render.sampler;
   const bundle::DiskSource files(file.parent_path());
-  CANDELA_ASSIGN(const auto renderer,
-                 render::Renderer::create(files, file.filename(), {}, run.job, render.threads));
+  CANDELA_ASSIGN(const auto renderer, render::Renderer::create(files, file.filename(), render.parameters,
+                                                               run.job, render.threads));
   render::RunContext context;
   context.threads = render.threads;
   CANDELA_ASSIGN(const PilotResult pilot, renderer->pilot(context));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,7 @@ struct Render {
   std::uint64_t seed = 1;
   std::string sampler = "independent";
   unsigned threads = 1;
+  std::map<std::string, std::string> parameters = {};  // of the scene
 };
 struct Rendered {
   std::vector<Image> images;

@@ -82,6 +82,7 @@ Result<Results> run_mis_1d(const Request& request);
 Result<Results> run_mis_scenes(const Request& request);
 Result<Results> run_fppm_scenes(const Request& request);
 Result<Results> run_lag(const Request& request);
+Result<Results> run_metropolis_photons(const Request& request);
 Result<Results> run_upbp_nsd(const Request& request);
 Result<Results> run_upbp_scenes(const Request& request);
 Result<Results> run_vcmplus_table(const Request& request);

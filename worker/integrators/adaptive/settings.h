@@ -12,9 +12,10 @@ struct EpochSettings {
   int lag = 1;
 
   template <class Visitor>
-  void fields(Visitor& visit) {
-    visit("epoch_min", epoch_min, 2, 1 << 20,
-          "iterations of the shortest epoch, an even number: radii are decided once an epoch");
+  void fields(Visitor& visit, std::string_view epoch_min_doc =
+                                  "iterations of the shortest epoch, an even number: radii are decided once "
+                                  "an epoch") {
+    visit("epoch_min", epoch_min, 2, 1 << 20, epoch_min_doc);
     visit("growth", growth, 1, 1 << 16, "an epoch has at least 1/growth of the iterations before it");
     visit("lag", lag, 0, 64, "epochs that are rendered while the statistics of those before arrive");
   }

@@ -91,9 +91,13 @@ Decision decide_radius(Plan plan, const UnitContext& context, const IterationOpt
   if (!options.techniques.merges()) return {{}, std::move(plan)};
   const ChosenRadius chosen = choose_radius(context, options.merge, options.paths, options.techniques);
   note_radius(chosen, context, plan);
+  return {radius_bytes(chosen.value), std::move(plan)};
+}
+
+std::string radius_bytes(double radius) {
   DecisionWriter out(kKind);
-  out.real(chosen.value);
-  return {out.bytes(), std::move(plan)};
+  out.real(radius);
+  return out.bytes();
 }
 
 Result<double> decided_radius(const UnitInput& input, const IterationOptions& options) {

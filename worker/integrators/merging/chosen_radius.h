@@ -35,6 +35,8 @@ void note_radius(const ChosenRadius& chosen, const UnitContext& context, Plan& p
 
 // Decides the radius for these options, if anything merges; `plan` is what will run.
 Decision decide_radius(Plan plan, const UnitContext& context, const IterationOptions& options);
+// Decision::bytes of a radius.
+std::string radius_bytes(double radius);
 // The radius that the pilot decided, in scene units; 1 where nothing merges. Fails (input) on other bytes.
 Result<double> decided_radius(const UnitInput& input, const IterationOptions& options);
 

@@ -1,0 +1,109 @@
+// ppm, mcppm and vcm over the share of light paths that are visible, on a detail of a floor and behind a
+// keyhole. At one constant radius ppm and mcppm have the same expectation, so their variances compare them;
+// vcm's is of another estimator, whose bias is smaller.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "tests/bench/candela_study/renders.h"
+#include "tests/bench/candela_study/study.h"
+#include "tests/statistical/moments.h"
+
+namespace candela::study {
+namespace {
+
+struct Case {
+  std::string problem;
+  double size;  // of the problem's parameter
+  std::string file;
+  std::map<std::string, std::string> parameters;
+};
+
+std::vector<Case> cases(bool short_form) {
+  std::vector<Case> all;
+  const std::string folder = "tests/bench/candela_study/scenes/";
+  for (const double floor : short_form ? std::vector<double>{6} : std::vector<double>{2, 4, 8, 16, 32, 64})
+    all.push_back({"patch", floor, folder + "patch.xml", {{"floor", fmt::format("{}", floor)}}});
+  for (const double hole :
+       short_form ? std::vector<double>{0.2} : std::vector<double>{1.6, 0.8, 0.4, 0.2, 0.1, 0.05}) {
+    const double side = (1 - hole / 2) / 2, middle = (1 + hole / 2) / 2;
+    all.push_back({"keyhole",
+                   hole,
+                   folder + "keyhole.xml",
+                   {{"half_hole", fmt::format("{}", hole / 2)},
+                    {"half_side", fmt::format("{}", side)},
+                    {"middle", fmt::format("{}", middle)},
+                    {"below", fmt::format("{}", -middle)}}});
+  }
+  return all;
+}
+
+struct Method {
+  const char* name;
+  const char* integrator;
+  SettingsMap settings;
+};
+const std::vector<Method>& methods() {
+  static const std::vector<Method> all = {
+      {"ppm", "ppm", {}},
+      {"vcm", "vcm", {}},
+      {"mcppm", "mcppm", {{"plan", "full"}}},
+      {"mcppm, 4 mutations a path", "mcppm", {{"plan", "full"}, {"mutations_per_path", "4"}}},
+      {"mcppm, 16 mutations a path", "mcppm", {{"plan", "full"}, {"mutations_per_path", "16"}}},
+  };
+  return all;
+}
+
+}  // namespace
+
+Result<Results> run_metropolis_photons(const Request& request) {
+  const std::uint32_t side = request.short_form ? 16 : 64;
+  const std::uint64_t iterations = request.short_form ? 8 : 32;
+  CANDELA_TRY(check_scenes(request, {"patch", "keyhole"}));
+  Results results;
+  for (const Case& one : cases(request.short_form)) {
+    if (!request.wants(one.problem)) continue;
+    for (const Method& method : methods()) {
+      statistical::ImageMoments images;
+      double seconds = 0;
+      statistical::Moments fraction, acceptance;
+      for (std::uint64_t seed = 1; seed <= request.seeds; ++seed) {
+        Render render{.scene = one.file,
+                      .width = side,
+                      .height = side,
+                      .integrator = method.integrator,
+                      .settings = method.settings,
+                      .seed = seed,
+                      .threads = request.threads,
+                      .parameters = one.parameters};
+        render.settings["radius_pixels"] = "2";
+        render.settings["alpha"] = "1";
+        CANDELA_ASSIGN(const Rendered rendered, render_job(render, {iterations}));
+        statistical::add_image(images, rendered.images[0]);
+        seconds += rendered.cpu_seconds.back() / static_cast<double>(request.seeds);
+        for (const auto& [name, value] : rendered.report.figures) {
+          if (name == "visible fraction") fraction.add(value);
+          if (name == "acceptance") acceptance.add(value);
+        }
+      }
+      const auto add = [&](const std::string& quantity, double value) {
+        results.rows.push_back(
+            {"metropolis-photons", one.problem, method.name, kNone, one.size, quantity, value, kNone});
+      };
+      const double variance =
+          request.seeds < 2 ? kNone
+                            : statistical::relative_variance(images) * static_cast<double>(request.seeds);
+      add("relative variance", variance);
+      add("CPU seconds", seconds);
+      add("variance x seconds", variance * seconds);
+      if (fraction.count() > 0) add("visible fraction", fraction.mean());
+      if (acceptance.count() > 0) add("acceptance", acceptance.mean());
+      request.say(fmt::format("metropolis-photons: {} {}, {}: relative variance {:.3g} in {:.3g} CPU seconds",
+                              one.problem, one.size, method.name, variance, seconds));
+    }
+  }
+  return results;
+}
+
+}  // namespace candela::study

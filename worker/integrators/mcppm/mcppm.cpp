@@ -1,0 +1,188 @@
+#include "worker/integrators/mcppm/mcppm.h"
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/adaptive/levels.h"
+#include "common/stages/photon_chains.h"
+#include "worker/integrators/adaptive/settings.h"
+#include "worker/integrators/decision_bytes.h"
+#include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/mcppm/photon_pass.h"
+#include "worker/integrators/mcppm/pilot.h"
+#include "worker/integrators/merging/chosen_radius.h"
+#include "worker/integrators/merging/first_radius.h"
+#include "worker/integrators/merging/iterations.h"
+#include "worker/integrators/merging/one_radius.h"
+#include "worker/integrators/plan_between.h"
+#include "worker/integrators/ppm/plan.h"
+
+namespace candela::integrators {
+namespace {
+
+constexpr std::string_view kKind = "mcp1";  // of the decision: the radius, and 1 if chains run
+
+// Least and largest distance of a mutation [Kelemen 2002, Sec. 3.2].
+mcmc::StepSizes step_sizes(double step) {
+  return {step / 16, step};
+}
+
+class McppmIntegrator final : public IterationIntegrator {
+ public:
+  McppmIntegrator(const McppmSettings& settings, Planned planned)
+      : IterationIntegrator(settings.common.path_options(), std::move(planned)),
+        settings_(settings),
+        iterations_{options_, planned_.techniques, settings.merge.rules(),
+                    settings.photons.value == "caustics"},
+        may_chain_(planned_.techniques.merges() && settings.mutations_per_path > 0) {}
+
+  Result<Decision> decide(const UnitContext& context, const RunContext& run) const override {
+    if (!may_chain_) return merging::decide_radius(plan(), context, iterations_);
+    Decision decision{{}, plan()};
+    const merging::ChosenRadius radius =
+        merging::choose_radius(context, iterations_.merge, options_, planned_.techniques);
+    merging::note_radius(radius, context, decision.plan);
+    CANDELA_ASSIGN(const mcppm::VisibleFraction fraction,
+                   mcppm::visible_fraction(planned_.between, context, iterations_, radius.value, run));
+    const bool chains =
+        mcppm::decide_chains(fraction, merging::light_path_count(iterations_.merge, context),
+                             mutation_count(context), settings_.common.full_plan(), decision.plan);
+    DecisionWriter out(kKind);
+    out.real(radius.value);
+    out.count(chains ? 1 : 0);
+    decision.bytes = out.bytes();
+    return decision;
+  }
+
+  WorkPlan work(FilmSize size, const NamedState& state) const override {
+    WorkPlan plan;
+    if (!may_chain_) return plan;
+    plan.epochs = EpochPlan{
+        static_cast<std::uint64_t>(settings_.epochs.epoch_min),
+        static_cast<std::uint32_t>(settings_.epochs.growth),
+        static_cast<std::uint32_t>(settings_.epochs.lag),
+        std::string(photon_chains::kRule),
+        {{std::string(photon_chains::kFirstStep), candela::adaptive::constant_text(settings_.step)}}};
+    const Result<Decided> decided = read(state.decided);
+    if (!decided.ok() || decided->chains) plan.accumulators = {photon_chains::spec(size.width, size.height)};
+    return plan;
+  }
+
+  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
+                   const RunContext& run) const override {
+    if (!may_chain_)
+      return merging::run_ppm(planned_.between, context, unit, input, iterations_, output, run);
+    CANDELA_ASSIGN(const Decided decided, read(input.state.decided));
+    if (!decided.chains) {
+      UnitInput of_ppm = input;
+      of_ppm.state.decided = merging::radius_bytes(decided.radius);
+      return merging::run_ppm(planned_.between, context, unit, of_ppm, iterations_, output, run);
+    }
+    const auto state = input.states.find(photon_chains::kRule);
+    CANDELA_ASSIGN(const double step,
+                   photon_chains::step_of(state == input.states.end() ? std::string_view() : state->second));
+    return with_between(planned_.between, [&](auto between) {
+      return run_chains<between()>(context, unit, decided.radius, step_sizes(step), output, run);
+    });
+  }
+
+ private:
+  struct Decided {
+    double radius;
+    bool chains;
+  };
+  static Result<Decided> read(std::string_view bytes) {
+    DecisionReader in(bytes, kKind);
+    const double radius = in.real(merging::kLeastRadius, merging::kGreatestRadius);
+    const bool chains = in.count(2) == 1;
+    CANDELA_TRY(in.done());
+    return Decided{radius, chains};
+  }
+
+  std::uint64_t mutation_count(const UnitContext& context) const {
+    const auto paths = static_cast<double>(merging::light_path_count(iterations_.merge, context));
+    return static_cast<std::uint64_t>(settings_.mutations_per_path * paths + 0.5);
+  }
+
+  template <transport::Between kBetween>
+  Result<void> run_chains(const UnitContext& context, const Unit& unit, double radius, mcmc::StepSizes steps,
+                          UnitOutput& output, const RunContext& run) const {
+    using Eye = estimators::PpmEye<kBetween, transport::ConstantScale>;
+    using mcppm::Block;
+    const estimators::Techniques& techniques = iterations_.techniques;
+    const std::uint64_t path_count = merging::light_path_count(iterations_.merge, context),
+                        mutations = mutation_count(context);
+    const auto paths = static_cast<double>(path_count);
+    const estimators::PathCounts counts{static_cast<double>(context.width) * context.height, paths,
+                                        static_cast<float>(context.filter.radius())};
+    const merging::ProgressiveScales<transport::Unweighted> scales(iterations_.merge, radius, paths,
+                                                                   techniques);
+    film::UnitFilm& film = *output.film;
+    mcppm::GatherPlaces places;
+    merging::LightChunks<Block> photons;
+    transport::PhotonMap<Block> surface, medium;
+    const std::uint64_t parts = 4 * (unit.end - unit.begin);
+    std::uint64_t part = 0;
+    for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
+      estimators::LightSide<Block, transport::ConstantScale> side{
+          {}, photons, path_count, scales.field(global_iteration(unit.half, index)), context.letters};
+      const transport::MergeScale& scale = side.field.scale;
+      CANDELA_TRY(places.trace<kBetween>(context, iterations_, counts, scale, unit.half, index, film, run,
+                                         progress_part(part++, parts)));
+      const mcppm::PhotonPass pass{context, iterations_, counts, places, unit.half, index};
+      CANDELA_ASSIGN(const std::vector<std::uint64_t> visible,
+                     mcppm::visible_paths<kBetween>(pass, film, run, progress_part(part++, parts)));
+      CANDELA_ASSIGN(const std::uint64_t accepted,
+                     mcppm::spread<kBetween>(pass, visible, mutations, steps, photons, film, run,
+                                             progress_part(part++, parts)));
+      side.maps.max_edges = iterations_.paths.max_depth;
+      side.maps.per_path = static_cast<float>(1 / paths);
+      side.maps.max_density = Eye::max_density(context.scene);
+      if (techniques.merge_surface) {
+        CANDELA_TRY(merging::build_photon_map(photons, &mcppm::PhotonStore::surface, scale.disc_radius,
+                                              run.threads, surface));
+        side.maps.surface = &surface;
+      }
+      if (techniques.merge_medium) {
+        CANDELA_TRY(merging::build_photon_map(photons, &mcppm::PhotonStore::medium, scale.ball_radius,
+                                              run.threads, medium));
+        side.maps.medium = &medium;
+      }
+      CANDELA_TRY(merging::run_eye_pass<Eye>(context, iterations_, counts, side, {}, unit.half, index, output,
+                                             run, progress_part(part++, parts)));
+      count(visible.size(), path_count, visible.empty() ? 0 : mutations, accepted,
+            rng::key(context.seed, unit.half, index), context, output);
+    }
+    return {};
+  }
+
+  static void count(std::uint64_t visible, std::uint64_t light_paths, std::uint64_t mutations,
+                    std::uint64_t accepted, std::uint64_t key, const UnitContext& context,
+                    UnitOutput& output) {
+    if (output.accumulators.empty()) return;
+    film::Tallies tallies;
+    photon_chains::add({1, visible == 0 ? 1U : 0U, light_paths, visible, mutations, accepted}, key,
+                       *output.accumulators[0], context.width, tallies);
+    output.film->count(tallies);
+  }
+
+  const McppmSettings settings_;
+  const merging::IterationOptions iterations_;
+  const bool may_chain_;  // the pilot decides whether they pay
+};
+
+}  // namespace
+
+Result<std::unique_ptr<Integrator>> make_mcppm_integrator(const SettingsMap& settings,
+                                                          const scene::SceneFeatures& features) {
+  CANDELA_ASSIGN(const McppmSettings parsed, parse_settings<McppmSettings>(settings));
+  CANDELA_TRY(adaptive::check(parsed.epochs));
+  Planned planned = ppm::plan(parsed.common.path_options(), parsed.photons.value == "caustics", features,
+                              parsed.common.full_plan());
+  if (planned.techniques.merges() && parsed.mutations_per_path == 0)
+    planned.plan.skip("chains of visible photons", "mutations_per_path=0");
+  return std::unique_ptr<Integrator>(std::make_unique<McppmIntegrator>(parsed, std::move(planned)));
+}
+
+}  // namespace candela::integrators
