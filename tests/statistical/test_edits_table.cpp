@@ -260,7 +260,7 @@ TEST_P(EditTable, IsThatOfTheNote) {
     const auto images =
         render_images({{1, up_to(row.edges)}, {-1, up_to(2)}}, {.seed = 5,
                                                                 .batches = kBatches,
-                                                                .iterations = (row.room.from_eye       ? 1u
+                                                                .iterations = (row.room.from_eye       ? 3u
                                                                                : integrator == "light" ? 16u
                                                                                                        : 6u) *
                                                                               (long_form() ? 8 : 1)});
