@@ -48,7 +48,7 @@ TEST(EditedBox, IsAsItWas) {
     scene.settings.edits = edits;
     const Estimator tested =
         make_estimator(integrator, {{1, scene}}, {.seed = 6, .batches = 12, .iterations = 32}, regions);
-    const Verdict verdict = compare(tested, exact, regions);
+    const Verdict verdict = compare(tested, exact, regions, {});
     EXPECT_TRUE(verdict.agree) << verdict.report;
     EXPECT_GT(verdict.tested, regions.values() / 2) << verdict.report;
     EXPECT_LT(verdict.detectable_whole, 0.02) << verdict.report;

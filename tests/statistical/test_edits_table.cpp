@@ -41,7 +41,7 @@ std::string lamp_picture() {
   std::vector<float> rgb;
   for (std::uint32_t row = 0; row < kTexels; ++row)
     for (std::uint32_t column = 0; column < kTexels; ++column) {
-      const double x = 0.5 + 3 * (column + 0.5) / kTexels - 2, y = 0.5 + 3 * (row + 0.5) / kTexels - 1.6;
+      const double x = 0.5 + 3 * (column + 0.5) / kTexels - 2, y = 3.5 - 3 * (row + 0.5) / kTexels - 1.6;
       rgb.insert(rgb.end(), 3, static_cast<float>(std::exp(-(x * x + y * y) / 0.5)));
     }
   const auto exr = image::encode_exr(kTexels, kTexels, rgb, {});
@@ -260,7 +260,7 @@ TEST_P(EditTable, IsThatOfTheNote) {
     const auto images =
         render_images({{1, up_to(row.edges)}, {-1, up_to(2)}}, {.seed = 5,
                                                                 .batches = kBatches,
-                                                                .iterations = (row.room.from_eye       ? 1u
+                                                                .iterations = (row.room.from_eye       ? 3u
                                                                                : integrator == "light" ? 16u
                                                                                                        : 6u) *
                                                                               (long_form() ? 8 : 1)});

@@ -45,18 +45,33 @@ void LayerUnits::gather(std::span<const LabelledSum> sums, float weight, const f
 }
 
 void LayerUnits::write(film::UnitFilm& film, std::uint32_t x, std::uint32_t y, std::uint32_t offset) {
-  if (wrapped_) [[unlikely]]
-    film.note_overflow();
-  wrapped_ = false;
+  // Labels share layers: the film's cells are touched once a layer.
+  std::array<std::array<std::int64_t, kColors>, 64> sums;  // of layers in `filled`
+  std::uint64_t filled = 0;
   for (const letters::Automaton::Label label : used_) {
     touched_[label] = 0;
     const std::array<std::int64_t, kColors>& units = units_[label];
     if ((units[0] | units[1] | units[2]) == 0) continue;
-    for (std::uint64_t bits = letters_.layer_bits(label); bits != 0; bits &= bits - 1)
-      film.splat_units(letters_.first_layer() + offset + static_cast<std::uint32_t>(std::countr_zero(bits)),
-                       x, y, units);
+    const std::uint64_t bits = letters_.layer_bits(label);
+    for (std::uint64_t rest = bits; rest != 0; rest &= rest - 1) {
+      auto& sum = sums[static_cast<std::size_t>(std::countr_zero(rest))];
+      if ((filled & rest & -rest) == 0) {
+        sum = units;
+        continue;
+      }
+      for (std::size_t c = 0; c < kColors; ++c) wrapped_ |= __builtin_add_overflow(sum[c], units[c], &sum[c]);
+    }
+    filled |= bits;
   }
   used_.clear();
+  for (; filled != 0; filled &= filled - 1) {
+    const int layer = std::countr_zero(filled);
+    film.splat_units(letters_.first_layer() + offset + static_cast<std::uint32_t>(layer), x, y,
+                     sums[static_cast<std::size_t>(layer)]);
+  }
+  if (wrapped_) [[unlikely]]
+    film.note_overflow();
+  wrapped_ = false;
 }
 
 void splat_labelled(const PathLetters& letters, const ChannelLabels& labels,
