@@ -79,7 +79,7 @@ const Unit kUnit{Unit::Kind::iterations, 1, 1, 4};  // of the first epoch
 // Claim: where more than a fifth of the light paths is visible, and where the settings want no mutations,
 // mcppm is ppm bit for bit, sums nothing beside the film, and says why.
 TEST(Mcppm, IsPpmWhereChainsDoNotPay) {
-  const SettingsMap radius = {{"radius", "0.03"}};
+  const SettingsMap radius = {{"radius", "0.3"}};
   const auto mcppm = make("mcppm", kRoom, radius), ppm = make("ppm", kRoom, radius);
   EXPECT_TRUE(pilot_of(*mcppm).work.epochs);
   EXPECT_TRUE(pilot_of(*mcppm).work.accumulators.empty());
@@ -93,7 +93,7 @@ TEST(Mcppm, IsPpmWhereChainsDoNotPay) {
   EXPECT_NE(pilot_of(*none).plan.find("mutations_per_path=0"), std::string::npos);
   EXPECT_EQ(sums(run(*none, kUnit)), sums(run(*make("ppm", patch(8), {{"radius", "0.01"}}), kUnit)));
 
-  const auto full = make("mcppm", kRoom, {{"radius", "0.03"}, {"plan", "full"}});
+  const auto full = make("mcppm", kRoom, {{"radius", "0.3"}, {"plan", "full"}});
   EXPECT_NE(sums(run(*full, kUnit)), sums(run(*ppm, kUnit)));
   EXPECT_NE(pilot_of(*full).plan.find("use  chains of visible photons"), std::string::npos)
       << pilot_of(*full).plan;

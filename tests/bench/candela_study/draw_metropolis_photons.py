@@ -5,7 +5,7 @@ from draw import curve, value
 PAPER = ("[Hachisuka 2011] spreads photons that are visible over a Markov chain. `mcppm` has chains that begin and end in an "
          "iteration, so that its expectation is that of `ppm`.")
 METHODS = ["vcm", "mcppm", "mcppm, 4 mutations a path", "mcppm, 16 mutations a path"]
-PROBLEMS = {"patch": "half width of the floor", "keyhole": "width of the hole"}
+PROBLEMS = {"patch": "half width of the floor"}
 
 
 def gains(rows, problem, method):

@@ -22,7 +22,7 @@ constexpr std::array kStudies = {
           run_lag},
     Study{"metropolis-photons",
           "ppm, mcppm and vcm over the share of light paths that leave photons in the picture",
-          "Hachisuka 2011", 16, 2, run_metropolis_photons, false, true},
+          "Hachisuka 2011", 2, 2, run_metropolis_photons},
     Study{"mis-1d",
           "weights, variances and estimators of optimal multiple importance sampling on known integrals",
           "Kondapaneni 2019, supplement, Fig. 1 and section 3", 0, 0, run_mis_1d},
