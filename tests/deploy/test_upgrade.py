@@ -97,7 +97,7 @@ class Upgrade(OnAMachine):
         self.assertGreaterEqual(self.job(job)["iterations"], before, "iterations are lost")
 
         # The other machine: refused, and again if its service starts it again.
-        refusal = f"the master refuses this worker: build_id: the worker is build {old}, this farm {new} (install the same build on both"
+        refusal = f"build_id: the master refuses this worker: the worker is build {old}, this farm {new} (install the same build on both"
         self.assertTrue(eventually(lambda: child.poll() is not None), log.read_text())
         for _ in range(2):
             self.assertNotEqual(child.returncode, 0)
