@@ -8,10 +8,12 @@
 #include <cmath>
 #include <cstring>
 #include <map>
+#include <set>
 #include <utility>
 #include <vector>
 
 #include "common/base/log.h"
+#include "common/base/version.h"
 #include "master/farm.h"
 #include "master/jobs/convergence.h"
 #include "master/store/private_folder.h"
@@ -120,6 +122,16 @@ Result<void> Farm::restore_jobs(StoredState state) {
     }
   });
   warn_of_orphans();
+  // A worker of another build would render units whose deltas are refused, until these units had failed too
+  // often. Without its session and its leases it registers again, and is told why it is refused.
+  std::set<std::string> others;
+  for (WorkerRow& w : state.workers) {
+    if (w.build_id == build_id()) continue;
+    w.session.clear();
+    others.insert(w.id);
+  }
+  for (LeaseRow& l : state.leases)
+    if (others.contains(l.worker_id)) l.worker_id.clear();
   with_scheduler([&](Scheduler& s) {
     for (const WorkerRow& w : state.workers) s.restore_worker(w, t);
     for (const LeaseRow& l : state.leases) s.restore_lease(l, t);
