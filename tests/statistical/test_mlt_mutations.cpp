@@ -7,7 +7,6 @@
 
 #include <cstdio>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "tests/proofs/proofs.h"
@@ -25,29 +24,19 @@ const Regions kRegions(kExtent, kExtent, 8);
 constexpr std::size_t kBatches = 16;
 
 struct MutationCase {
-  std::string_view name;
+  std::string name;
   std::vector<std::string> mutations;
   std::vector<std::string> scenes;
-  bool short_form = true;
 };
 
 std::vector<MutationCase> cases() {
-  const std::vector<std::string> mine{"sds", "caustic", "immersed"};
-  return {
-      {"lens", {"lens"}, {"sds"}},
-      {"caustic", {"caustic"}, {"immersed"}},
-      {"multichain", {"multichain"}, {"sds"}},
-      {"manifold", {"manifold"}, {"sds"}},
-      {"all",
-       {"lens", "caustic", "multichain", "manifold", "half_vector"},
-       {"thin-null", "lens", "orthographic"}},
-      {"control", {"bidirectional"}, {"sds"}},
-      {"lens_longer", {"bidirectional", "lens"}, mine, false},
-      {"caustic_longer", {"bidirectional", "caustic"}, mine, false},
-      {"multichain_longer", {"bidirectional", "multichain"}, mine, false},
-      {"manifold_longer", {"bidirectional", "manifold"}, mine, false},
-      {"half_vector_longer", {"bidirectional", "half_vector"}, mine, false},
-  };
+  const std::vector<std::string> all{"lens", "caustic", "multichain", "manifold", "half_vector"};
+  std::vector<MutationCase> out{{"all", all, {"sds"}}};
+  if (!long_form()) return out;
+  out.push_back({"all_elsewhere", all, {"thin-null", "lens", "orthographic"}});
+  for (const std::string& mutation : all)
+    out.push_back({mutation, {"bidirectional", mutation}, {"sds", "caustic", "immersed"}});
+  return out;
 }
 
 class MltMutations : public testing::TestWithParam<MutationCase> {};
@@ -55,7 +44,8 @@ class MltMutations : public testing::TestWithParam<MutationCase> {};
 TEST_P(MltMutations, AgreeWithBdpt) {
   SettingsMap settings{{"chains", "64"},        {"bootstrap", "8192"}, {"mutations", "8"},
                        {"direct_samples", "4"}, {"large_step", "0.1"}, {"bidirectional", "0"}};
-  for (const std::string& mutation : GetParam().mutations) settings[mutation] = mutation == "bidirectional" ? "0.5" : "1";
+  for (const std::string& mutation : GetParam().mutations)
+    settings[mutation] = mutation == "bidirectional" ? "0.5" : "1";
   std::uint64_t seed = 0;
   for (const char c : GetParam().name) seed = seed * 31 + static_cast<unsigned char>(c);
   seed %= 1u << 20;
@@ -81,16 +71,10 @@ TEST_P(MltMutations, AgreeWithBdpt) {
   }
 }
 
-std::vector<MutationCase> chosen() {
-  std::vector<MutationCase> out;
-  for (const MutationCase& one : cases())
-    if (one.short_form || long_form() || std::getenv("ALLC")) out.push_back(one);
-  return out;
-}
 std::string case_name(const testing::TestParamInfo<MutationCase>& one) {
-  return std::string(one.param.name);
+  return one.param.name;
 }
-INSTANTIATE_TEST_SUITE_P(, MltMutations, testing::ValuesIn(chosen()), case_name);
+INSTANTIATE_TEST_SUITE_P(, MltMutations, testing::ValuesIn(cases()), case_name);
 
 }  // namespace
 }  // namespace candela::statistical

@@ -102,8 +102,7 @@ std::optional<double> HalfVectorMutator::log_pdf_area(const PathState& from, con
   if (rules_.one_step) return log_pdf_one_step_area(here->chain, there->chain.chain);
   double sum = log_pdf_slopes(here->chain, there->chain.slopes) + there->chain.jacobian.log_abs_det();
   for (std::size_t i = 0; i < there->chain.alphas.size(); ++i)
-    if (!(there->chain.alphas[i] > 0))
-      sum += math::log(light_angle_by_constraint(there->chain.chain, i + 1));
+    if (!(there->chain.alphas[i] > 0)) sum += math::log(light_angle_by_constraint(there->chain.chain, i + 1));
   if (!std::isfinite(sum)) return std::nullopt;
   return sum;
 }
