@@ -13,7 +13,13 @@
 namespace candela::integrators::upbp {
 namespace {
 
-using namespace pilot;
+using pilot::Choice;
+using pilot::choose;
+using pilot::kReplicates;
+using pilot::last_is_better;
+using pilot::means_of_squares;
+using pilot::Trial;
+using pilot::trial_errors;
 
 constexpr std::size_t kValues = 3072;
 

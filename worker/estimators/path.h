@@ -194,12 +194,12 @@ class PathTracer {
     arena_.clear();
     const scene::Closure closure = closure_at(hit, wo);
     if (closure.black) return false;
-    const transport::SurfaceScattering at(hit, closure, -ray_.direction, wo);
-    const Vec3 side = at.front();
+    const Vec3 side = closure.scatters_through() ? Vec3{} : wo.z < 0 ? -hit.shading.n : hit.shading.n;
     const bool connectible = !closure.purely_delta();
     scatterings_ += connectible ? 1 : 0;
     const auto eval_pdf = [&](Vec3 wi, float& pdf_solid_angle) {
-      return at.value(wi, kMode, pdf_solid_angle);
+      // Not by SurfaceScattering: the whole tracer takes 0.7 % more instructions with it.
+      return closure.eval_pdf(wo, hit.shading.to_local(wi), kMode, pdf_solid_angle);
     };
     const auto token = [&](Vec3 wi, std::uint64_t key) {
       return letters_->letters().by_lobes(hit, closure, -ray_.direction, wi, kMode, key);
@@ -212,11 +212,12 @@ class PathTracer {
     if (!first && next_event_ && connectible && depth_ + 1 >= options_.min_edges)
       sample_light(hit, side, eval_pdf, token);
     if constexpr (kMollifies) {
-      if (closure.has_delta_lobes() && depth_ + 1 >= options_.min_edges) mollified_light(hit, at);
+      if (closure.has_delta_lobes() && depth_ + 1 >= options_.min_edges)
+        mollified_light(hit, transport::SurfaceScattering(hit, closure, -ray_.direction, wo));
     }
     scene::BsdfSample next;
-    const float u_lobe = at.chooses_lobe() ? draw_1d(transport::path_block::kLobe) : 0.0f;
-    if (!at.sample(u_lobe, draw_2d(transport::path_block::kDirection), kMode, next)) return false;
+    const float u_lobe = closure.chooses_lobe() ? draw_1d(transport::path_block::kLobe) : 0.0f;
+    if (!closure.sample(wo, u_lobe, draw_2d(transport::path_block::kDirection), kMode, next)) return false;
     throughput_ *= next.weight;
     if (throughput_.is_black()) return false;
     if constexpr (kPasses) {
@@ -229,7 +230,7 @@ class PathTracer {
     front_ = side;
     previous_delta_ = next.delta;
     previous_pdf_solid_angle_ = next.pdf_solid_angle;
-    const Vec3 wi = at.direction(next);
+    const Vec3 wi = hit.shading.to_world(next.wi);
     if constexpr (kLetters)
       letters_->step(next.delta ? letters_->letters().by_delta(hit, -ray_.direction, wi)
                                 : token(wi, letters_->next_key()));

@@ -1,8 +1,8 @@
 // The one door to scattering: the value, both densities, a sample, and the delta lobes of a vertex. Walks,
-// techniques, merges, the path tracer and aovs ask here; nobody else evaluates closures and phase functions.
-// A change to how light scatters is made here, and all estimators have it.
-//
-// The oracle (path/evaluation.h) is the exception: it evaluates closures by itself, because it tests this.
+// techniques, merges, letters and aovs ask here, and the path tracer in media and for delta lobes.
+// A change to how light scatters is made here. Two others evaluate closures by themselves:
+// the path tracer on surfaces, for its instructions (estimators/path.h),
+// and the oracle (path/evaluation.h), because it tests this.
 //
 // Directions are unit, in the world, and point away from the vertex. wo: towards the vertex before, of the
 // walk; wi: where the walk goes on. Values include the cosine at wi on surfaces, and are zero for delta
