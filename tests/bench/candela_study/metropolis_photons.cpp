@@ -37,7 +37,7 @@ const std::vector<Method>& methods() {
 
 Result<Results> run_metropolis_photons(const Request& request) {
   const std::uint32_t side = request.short_form ? 16 : 64;
-  const std::uint64_t iterations = request.short_form ? 8 : 32;
+  constexpr std::uint64_t kIterations = 32;
   Results results;
   for (const double floor : floors(request.short_form)) {
     for (const Method& method : methods()) {
@@ -55,7 +55,7 @@ Result<Results> run_metropolis_photons(const Request& request) {
                       .parameters = {{"floor", fmt::format("{}", floor)}}};
         render.settings["radius_pixels"] = "2";
         render.settings["alpha"] = "1";
-        CANDELA_ASSIGN(const Rendered rendered, render_job(render, {iterations}));
+        CANDELA_ASSIGN(const Rendered rendered, render_job(render, {kIterations}));
         statistical::add_image(images, rendered.images[0]);
         seconds += rendered.cpu_seconds.back() / static_cast<double>(request.seeds);
         for (const auto& [name, value] : rendered.report.figures) {
