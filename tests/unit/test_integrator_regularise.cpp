@@ -308,15 +308,18 @@ TEST(RegularisedBdpt, LayerHasWhatIsMollified) {
   EXPECT_NEAR(layer / all, 1, 1e-6);
 }
 
-// Claim: chains keep their radius over an epoch of 10000 mutations, and the power law is that of epochs.
+// Claim: chains keep their radius over an epoch of 10000 mutations, and the power law is that of epochs; the
+// geometric schedule falls with each mutation, down to a floor.
 TEST(ChainRegularization, FallsByEpochs) {
   using integrators::ChainRegularization;
   const integrators::Regularization first(0.5, 1.0 / 6);
-  const ChainRegularization power(first);
+  const ChainRegularization power(first, false), geometric(first, true);
   EXPECT_EQ(power.bandwidth(0), 0.5);
   EXPECT_EQ(power.bandwidth(9999), 0.5);
   EXPECT_NEAR(power.bandwidth(10000), 0.5 * std::pow(2, -1.0 / 6), 1e-12);
   EXPECT_NEAR(power.bandwidth(637777), 0.25, 1e-12);  // epoch 63
+  EXPECT_NEAR(geometric.bandwidth(10000), 0.5 * std::pow(1 - 1e-4, 10000), 1e-12);
+  EXPECT_GT(geometric.bandwidth(1ULL << 40), 0);
   EXPECT_FALSE(ChainRegularization().runs());
 }
 

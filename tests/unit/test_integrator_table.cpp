@@ -27,9 +27,7 @@ TEST(IntegratorTable, RetiredSettingsKeepTheirLastValue) {
   struct Case {
     const char *integrator, *name, *kept, *refused;
   };
-  for (const Case& c : {Case{"mmlt", "regularise_schedule", "power", "geometric"},
-                        Case{"pssmlt", "regularise_schedule", "power", "geometric"},
-                        Case{"appm", "recursive_correction", "false", "true"}}) {
+  for (const Case& c : {Case{"appm", "recursive_correction", "false", "true"}}) {
     SCOPED_TRACE(c.integrator);
     const auto kept = render::complete_integrator_settings(c.integrator, {}, {{c.name, c.kept}});
     ASSERT_TRUE(kept.ok()) << kept.error().to_string();

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <string_view>
 
+#include "worker/core/math.h"
+
 namespace candela::integrators {
 namespace {
 
@@ -23,6 +25,14 @@ std::string_view why_not(const scene::SceneFeatures& f, std::uint32_t max_depth,
 }
 
 }  // namespace
+
+double ChainRegularization::bandwidth(std::uint64_t mutation) const {
+  if (!geometric_) return regularization_.bandwidth(mutation / kEpochMutations);
+  // r_0 gamma^n as it was published [Kaplanyan 2017, section 6.3.2].
+  constexpr double kGamma = 1 - 1e-4;
+  return regularization_.first() *
+         std::max(math::pow(kGamma, static_cast<double>(mutation)), transport::kLeastShare);
+}
 
 bool has_unsampled_paths(const scene::SceneFeatures& features, std::uint32_t max_depth,
                          Connecting techniques) {

@@ -57,16 +57,16 @@ class ChainRegularization {
   static constexpr std::uint64_t kEpochMutations = 10000;
 
   ChainRegularization() = default;
-  explicit ChainRegularization(const Regularization& regularization) : regularization_(regularization) {}
+  ChainRegularization(const Regularization& regularization, bool geometric)
+      : regularization_(regularization), geometric_(geometric) {}
 
   bool runs() const { return regularization_.runs(); }
   // Of the segment that begins with this mutation of its chain. The bootstrap has that of mutation 0.
-  double bandwidth(std::uint64_t mutation) const {
-    return regularization_.bandwidth(mutation / kEpochMutations);
-  }
+  double bandwidth(std::uint64_t mutation) const;
 
  private:
   Regularization regularization_;
+  bool geometric_ = false;
 };
 
 // The scene has paths of at most max_depth edges that no technique in this list can sample.

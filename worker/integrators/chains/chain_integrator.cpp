@@ -78,7 +78,7 @@ ChainIntegrator::ChainIntegrator(const ChainSettings& settings, const estimators
     plan_.use("Metropolis", "light may be hard to find: " + reasons);
 }
 
-Result<ChainRegularization> chain_regularization(const RegulariseSettings& settings,
+Result<ChainRegularization> chain_regularization(const ChainRegulariseSettings& settings,
                                                  const ChainSettings& chains,
                                                  const scene::SceneFeatures& features,
                                                  std::uint32_t max_depth, transport::Connecting techniques,
@@ -90,7 +90,12 @@ Result<ChainRegularization> chain_regularization(const RegulariseSettings& setti
     return usage_error("the path tracing of direct=path finds nothing that is mollified")
         .with_field("direct")
         .with_mend("give direct=chain, or regularise=off");
-  return ChainRegularization(regularization);
+  const bool geometric = settings.schedule.value == "geometric";
+  if (geometric)
+    plan.note("regularise_schedule",
+              "a radius that falls by a constant factor for each mutation freezes the chains: their error "
+              "stops falling, whatever the number of mutations");
+  return ChainRegularization(regularization, geometric);
 }
 
 ChainPlan ChainIntegrator::chain_plan(FilmSize size) const {

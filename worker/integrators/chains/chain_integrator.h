@@ -59,7 +59,7 @@ class ChainIntegrator : public Integrator {
 
 // What the chains mollify. Says so in the plan. Fails (usage) if the other settings, or the job's layers, do
 // not go with it.
-Result<ChainRegularization> chain_regularization(const RegulariseSettings& settings,
+Result<ChainRegularization> chain_regularization(const ChainRegulariseSettings& settings,
                                                  const ChainSettings& chains,
                                                  const scene::SceneFeatures& features,
                                                  std::uint32_t max_depth, transport::Connecting techniques,

@@ -49,11 +49,18 @@ struct ChainSettings {
           "with direct=path: eye samples per pixel in one round");
   }
 };
-// The published schedule of regularization [Kaplanyan 2017, section 6.3.2] freezes chains.
-template <class Visitor>
-void no_schedule(Visitor& visit) {
-  visit.retired("regularise_schedule", "power", "a constant factor for each mutation freezes the chains");
-}
+// For chains that mollify what their estimator cannot sample.
+struct ChainRegulariseSettings : RegulariseSettings {
+  Choice schedule{"power", {"power", "geometric"}};
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    RegulariseSettings::fields(visit);
+    visit("regularise_schedule", schedule,
+          "how the radius falls over the mutations of a chain: power, by epochs of 10000; geometric, by 1e-4 "
+          "each, is for comparison alone: its chains freeze");
+  }
+};
 
 // The number of chains is even.
 Result<void> check(const ChainSettings& settings);

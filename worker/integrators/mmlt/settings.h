@@ -9,7 +9,7 @@ struct MmltSettings {
   CommonSettings common{integrator_words::kMmlt};
   ChainSettings chains;
   PrimarySettings steps;
-  RegulariseSettings regularise;
+  ChainRegulariseSettings regularise;
 
   template <class Visitor>
   void fields(Visitor& visit) {
@@ -17,7 +17,6 @@ struct MmltSettings {
                        "path depth from which Russian roulette may end a subpath; lengths are chosen before");
     chains.fields(visit, steps);
     regularise.fields(visit);
-    no_schedule(visit);
     common.plan_field(visit);
   }
 };

@@ -12,7 +12,7 @@ struct PssmltSettings {
   CommonSettings common{integrator_words::kPssmlt};
   ChainSettings chains;
   PrimarySettings steps;
-  RegulariseSettings regularise;
+  ChainRegulariseSettings regularise;
 
   estimators::PathOptions path_options() const {
     estimators::PathOptions options = common.path_options();
@@ -35,7 +35,6 @@ struct PssmltSettings {
                     kBdpt.rr_depth, kPath.rr_depth));
     chains.fields(visit, steps);
     regularise.fields(visit);
-    no_schedule(visit);
     common.plan_field(visit);
   }
 };

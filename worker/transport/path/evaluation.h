@@ -50,9 +50,9 @@ class Evaluation {
   // Contribution of a technique that makes this path: f over the density with which it truly does, that of
   // flights and straight passes included; without roulette, and without a merge's kernel.
   std::array<double, 3> estimator_value(const Technique& technique) const;
-  // The true density, per area, of a walk from the light (the eye) that was at the vertex before x_v coming to
-  // x_v: flights have the density of a walk that carries white, surfaces passed straight have theirs, delta
-  // functions are left out as contribution() leaves them out. x_v is not the walk's first vertex.
+  // The true density, per area, of a walk from the light (the eye) that was at the vertex before x_v coming
+  // to x_v: flights have the density of a walk that carries white, surfaces passed straight have theirs,
+  // delta functions are left out as contribution() leaves them out. x_v is not the walk's first vertex.
   Scaled step_density(bool from_light, std::size_t v) const;
   // The probability with which such a walk stays at x_v, on a surface, and does not pass it straight.
   double prob_stay(bool from_light, std::size_t v) const;
