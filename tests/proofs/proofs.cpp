@@ -227,6 +227,7 @@ std::map<std::string, Probe> probe(const std::map<std::string, std::string>& fil
 // Why a test or a part has to run; empty: its line is good.
 std::string reason_to_run(const Table& table, const std::string& name, const std::string& judge,
                           const std::string& films) {
+  if (films == "-") return "its probe renders nothing";
   const Line* line = table.find(name);
   if (line == nullptr) return "not in the table";
   if (judge != line->judge) return fmt::format("its source is not that of {}", line->commit);
@@ -276,9 +277,9 @@ void leave_out_proved(const Table& table, const std::map<std::string, Probe>& pr
 // Why a test that ran in full may not have lines; empty: it may.
 std::string reason_for_no_line(const Record& full, const Probe* probe, const Probe* again) {
   if (!full.passed) return "it failed";
-  if (probe == nullptr || probe->films.empty()) return "the probe rendered nothing";
-  for (const auto& [name, films] : probe->films)
-    if (films == "-") return "the probe rendered nothing";
+  if (probe == nullptr || std::all_of(probe->films.begin(), probe->films.end(),
+                                      [](const auto& line) { return line.second == "-"; }))
+    return "the probe rendered nothing";
   if (again == nullptr || again->films != probe->films) return "a second probe rendered other films";
   for (const std::string& what : full.rendered)
     if (!probe->rendered.contains(what)) return "the probe did not render " + what;

@@ -42,6 +42,7 @@ TEST_P(Sweeps, IntegratorsStayWithinTheirLimits) {
     if (limit.sweep != sweep.name) continue;
     const Claim* claim = find_claim(sweep, limit.integrator);
     ASSERT_NE(claim, nullptr) << limit.integrator;
+    if (limit.values.empty()) continue;
     tested += limit.values.size();
     const proofs::Part part(limit.integrator);
     if (part.proved()) continue;
