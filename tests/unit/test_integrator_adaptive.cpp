@@ -380,12 +380,13 @@ TEST(Adaptive, LargestWorkIsThatOfSomeScene) {
       std::uint64_t most = 0;
       for (const std::string& body : {std::string(), kBox, kBox + lamp, kBox + lamp + fog, mirrors + lamp,
                                       kBox + lamp + "<emitter type=\"constant\"/>"}) {
+        if (integrator == "mlt" && body.find("medium") != body.npos) continue;  // refused
         const std::uint64_t needed = bytes(pilot(*make(integrator, body, {{"plan", plan}})).work);
         EXPECT_LE(needed, bytes(*largest)) << body;
         most = std::max(most, needed);
       }
       EXPECT_EQ(most, bytes(*largest));
-      EXPECT_EQ(most > 0, radii || integrator == "optimis");
+      EXPECT_EQ(most > 0, radii || integrator == "optimis" || integrator == "mcppm");
     }
 }
 

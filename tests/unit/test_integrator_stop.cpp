@@ -13,10 +13,13 @@
 namespace candela {
 namespace {
 
+// Light goes from the floor to the ball and back, so that mlt, whose chains leave short paths alone, has some.
 constexpr const char* kBox =
     R"(<scene version="3.0.0"><integrator type="path"/>
     <sensor type="perspective"><float name="fov" value="60"/></sensor>
     <shape type="sphere"><point name="center" x="0" y="0" z="4"/></shape>
+    <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="4"/>
+      <translate y="-1" z="4"/></transform></shape>
     <shape type="rectangle"><transform name="to_world"><translate z="8"/></transform>
       <emitter type="area"><rgb name="radiance" value="9, 8, 7"/></emitter></shape>
     <emitter type="constant"/></scene>)";
@@ -195,7 +198,7 @@ TEST_P(CutsOf, AreTheFirstSegments) {
   ASSERT_GE(count, 3U);
   std::vector<chains::ChainStart> starts(count);
   render::UnitOutput table;
-  ASSERT_TRUE(renderer->run({Unit::Kind::bootstrap, 0, 0, 400}, {}, table, {2}).ok());
+  ASSERT_TRUE(renderer->run({Unit::Kind::bootstrap, 0, 0, 4000}, {}, table, {2}).ok());
   for (std::uint64_t i = 0, sample = 0; i < count; ++i) {
     while (sample < table.table.size() && !(table.table[sample] > 0)) ++sample;
     ASSERT_LT(sample, table.table.size()) << "too few samples found light";
