@@ -75,7 +75,7 @@ Ends probe_ends(std::uint64_t iterations, std::size_t batches);
 // Runs the program's tests as above. The environment's CANDELA_PROOFS: unset, the committed table is used;
 // `off`, all run in full; `table=FILE`, another table; `record=FILE`, what is not proved runs in full, and
 // lines for those that passed are added to FILE; `record-all=FILE`, so with all. Recording wants the commit
-// in CANDELA_COMMIT.
+// in CANDELA_COMMIT; CANDELA_PROOFS_KNOWN is another table that it goes by.
 int run_tests();
 
 }  // namespace candela::proofs

@@ -149,6 +149,11 @@ class Proofs(unittest.TestCase):
         text, ran = self.parts_that_run(table, "a=0.25,b=0.5")
         self.assertIn(f"{PARTS}#b: films differ from those proved at c0ffee", text)
         self.assertEqual(ran, ["b=0.5"])
+        # Recorded beside those: the new one alone runs and gets a line.
+        more = self.path("more")
+        _, ran = self.parts_that_run(f"record={more}", "a=0.25,b=0.75,c=0.5", CANDELA_COMMIT="decade", CANDELA_PROOFS_KNOWN=self.path("table"))
+        self.assertEqual(ran, ["c=0.5"])
+        self.assertEqual([line.split()[0] for line in lines_of(more) if not line.startswith("#")], [PARTS + "#c"])
         _, ran = self.parts_that_run(table, "a=0.25,b=0.75", shared="0.25")
         self.assertEqual(ran, ["a=0.25", "b=0.75"])
 
