@@ -11,14 +11,17 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstdlib>
 #include <cstring>
 #include <functional>
+#include <memory>
 #include <utility>
 #include <vector>
 
 #include "common/base/files.h"
 #include "common/base/hash.h"
+#include "common/base/mutex.h"
 #include "common/wire/listener.h"
 
 namespace candela::wire {
@@ -167,9 +170,24 @@ std::shared_ptr<grpc::Channel> token_channel(const std::string& target,
                                              const std::shared_ptr<grpc::ChannelCredentials>& credentials,
                                              const grpc::ChannelArguments& arguments, const fs::path& file,
                                              const std::optional<Address>& listener) {
-  const auto source = [file, listener]() -> std::optional<std::string> {
+  // Who listens is looked up at most once a second: the kernel's table takes milliseconds, and a thousand
+  // frames are three thousand calls.
+  struct Looked {
+    Mutex mutex;
+    std::optional<std::chrono::steady_clock::time_point> good CANDELA_GUARDED_BY(mutex);
+  };
+  const auto source = [file, listener, looked = std::make_shared<Looked>()]() -> std::optional<std::string> {
     auto token = read_token_file(file);
-    if (!token || (listener && !check_listener(*listener, file))) return std::nullopt;
+    if (!token) return std::nullopt;
+    if (listener) {
+      const Lock lock(looked->mutex);
+      const auto now = std::chrono::steady_clock::now();
+      if (!looked->good || now - *looked->good > std::chrono::seconds(1)) {
+        looked->good.reset();
+        if (!check_listener(*listener, file)) return std::nullopt;
+        looked->good = now;
+      }
+    }
     return std::move(*token);
   };
   return grpc::experimental::CreateCustomChannelWithInterceptors(target, credentials, arguments,
