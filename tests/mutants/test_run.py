@@ -49,6 +49,8 @@ FILES = {
     "lib/fourth.cpp": "double fourth(double x) { return x / 4; }\n",
     "tests/test.cpp": """
         #include <gtest/gtest.h>
+        #include <cstdlib>
+        #include <string>
         double third(double x);
         double fourth(double x);
         #include "lib/half.h"
@@ -57,6 +59,11 @@ FILES = {
         TEST(Toy, Third) { EXPECT_EQ(third(3), 1); }
         TEST(Toy, Fourth) { EXPECT_EQ(fourth(4), 1); }
         TEST(Toy, Skips) { GTEST_SKIP(); }
+        TEST(Toy, Proved) {
+          const char* proofs = std::getenv("CANDELA_PROOFS");
+          if (proofs == nullptr || std::string(proofs) != "off") GTEST_SKIP() << "its films are proved";
+          EXPECT_EQ(half(3), 1.5);
+        }
         TEST(Toy, Fails) { EXPECT_EQ(half(3), 7); }
         """,
 }
@@ -103,6 +110,7 @@ class TheCommand(unittest.TestCase):
         before = self.snapshot()
         status, verdicts, said = self.judge(
             mutant("caught-source", "Toy.Half", body, "return twice(x) / 4.04;") +
+            mutant("caught-proved", "Toy.Proved", body, "return twice(x) / 4.04;") +
             mutant("caught-header", "Toy.Half", "return 2 * x;", "return 2.02 * x;", "lib/half.h") +
             mutant("nothing", "Toy.Half", body, body) +
             mutant("not-looked-at", "Toy.Half", "return x + 1;", "return x + 2;") +
@@ -120,7 +128,7 @@ class TheCommand(unittest.TestCase):
             mutant("skipped-test", "Toy.Skips", body, "return 1;") +
             mutant("red-test", "Toy.Fails", body, "return 1;"))
         self.assertEqual(verdicts, {
-            "caught-source": "caught", "caught-header": "caught", "nothing": "SURVIVED", "not-looked-at": "SURVIVED",
+            "caught-source": "caught", "caught-proved": "caught", "caught-header": "caught", "nothing": "SURVIVED", "not-looked-at": "SURVIVED",
             "crash": "CRASHED", "exit": "CRASHED", "throw": "THREW", "hang": "TIMEOUT", "nonsense": "DOES NOT COMPILE",
             "undefined": "DOES NOT LINK", "gone": "NO LONGER APPLIES", "twice": "NO LONGER APPLIES",
             "no-file": "NO LONGER APPLIES", "not-linked": "NOT LINKED", "no-test": "NOT RUN",
