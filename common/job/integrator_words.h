@@ -71,7 +71,7 @@ inline constexpr IntegratorWords kVcmplus{"vcmplus", 2, {0.9, "0.9"}};
 // 0: the default of the estimator that the chains are over.
 inline constexpr IntegratorWords kPssmlt{"pssmlt", 0};
 inline constexpr IntegratorWords kMmlt{"mmlt", 1024};
-// Of path tracing beside the chains alone, whose paths are short.
+// rr_depth is that of the path tracing beside the chains.
 inline constexpr IntegratorWords kMlt{"mlt", 5};
 
 inline constexpr std::array kIntegrators = {kPath, kBdpt, kLight, kPpm,     kBpm,   kVcm,    kUpbp, kOptimis,

@@ -12,7 +12,7 @@
 namespace candela::photon_chains {
 namespace {
 
-// Where a count is.
+// The place of a count in the accumulator.
 struct Place {
   std::uint32_t x, y, channel;
 };

@@ -1,4 +1,4 @@
-// What epochs of the integrator mcppm count and decide: the chains of photons of whole epochs, and the size
+// Epochs of the integrator mcppm: they count the chains of photons of whole epochs, and decide the size
 // of the steps of the epochs after them. The rule `mcppm` (rules/photon_chains.h) makes the state of an
 // epoch, a step size, from the acceptance of an earlier one. Any step size leaves the mean of an iteration
 // exact.
@@ -22,8 +22,8 @@ inline constexpr std::string_view kAccumulator = "mcppm.chains";
 // Constant of the rule: the step size of epochs before the first decision.
 inline constexpr std::string_view kFirstStep = "step";
 
-// Of whole iterations. Light paths are the independent ones; those that leave photons near gather points are
-// visible. An iteration without a visible path is black, and counts.
+// Counts of whole iterations. Light paths are the independent ones; those that leave photons near gather
+// points are visible. An iteration without a visible path is black, and counts.
 struct Counts {
   std::uint64_t iterations = 0, black_iterations = 0, light_paths = 0, visible_paths = 0, mutations = 0,
                 accepted = 0;

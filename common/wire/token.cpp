@@ -170,7 +170,7 @@ std::shared_ptr<grpc::Channel> token_channel(const std::string& target,
                                              const std::shared_ptr<grpc::ChannelCredentials>& credentials,
                                              const grpc::ChannelArguments& arguments, const fs::path& file,
                                              const std::optional<Address>& listener) {
-  // Who listens is looked up at most once a second: the kernel's table takes milliseconds, and a thousand
+  // The listener is looked up at most once a second: the kernel's table takes milliseconds, and a thousand
   // frames are three thousand calls.
   struct Looked {
     Mutex mutex;

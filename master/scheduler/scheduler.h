@@ -394,7 +394,7 @@ class Scheduler {
   void note_cost(Job& job, const WorkerState& worker, const Unit& unit, double render_seconds);
 
   // scheduler_progress.cpp
-  // That this build has made a part of the job.
+  // Notes in the job that this build has worked on it.
   void note_build(Job& job, Now now);
   void note_steps(Lease& lease, const UnitReport& report, Now now);
   void give_up_stuck(Now now);

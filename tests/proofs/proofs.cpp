@@ -82,7 +82,7 @@ std::string digest(const Digests& facts) {
   return hash.finish_hex().substr(0, 16);
 }
 
-// Of a test without parts its own, of another those of its parts; by the names of the lines.
+// The digest of a test, or those of its parts if it has some; by the names of the lines.
 std::map<std::string, std::string> digests_of(const std::string& test, const Record& record) {
   if (record.parts.empty()) return {{test, digest(record.facts)}};
   std::map<std::string, std::string> digests;
@@ -347,7 +347,7 @@ bool probing() {
 
 namespace {
 
-// Of the part that is open, or of the test.
+// Adds to the part that is open, or to the test.
 void add(const std::string& fact) {
   State& s = state();
   (s.part.empty() ? s.now.facts : s.now.parts[s.part]).insert(fact);

@@ -195,8 +195,8 @@ TEST(StoreVersions, EarlierOnesBecomeThePresentOne) {
   }
 }
 
-// Of all that versions 13 and 14 brought; of that and of all that version 12 did; of these and of all that
-// version 11 did; of all that version 10 did. Preconditions: the store is the present one.
+// Statements that take away versions 13 and 14; those and version 12; those and
+// version 11; version 10 too. Preconditions: the store is the present one.
 #define CANDELA_WITHOUT_GROUPS                                                       \
   "ALTER TABLE jobs DROP COLUMN builds; "                                            \
   "ALTER TABLE jobs DROP COLUMN group_id; ALTER TABLE jobs DROP COLUMN group_name; " \

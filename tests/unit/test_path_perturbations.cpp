@@ -27,7 +27,7 @@ namespace {
 namespace path = transport::path;
 using path::Kind;
 
-// Of a test; there are some ten.
+// The bound of a test; there are some ten.
 constexpr double kFalseAlarm = 1e-5;
 
 std::unique_ptr<scene::Scene> scene_of(const std::string& body) {

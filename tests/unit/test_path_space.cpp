@@ -126,7 +126,7 @@ TEST(PathSpace, BidirectionalMutationsHaveTheirDensity) {
       }
       const Cells expected = integrate(*scene, context, from, 1, v[1].point,
                                        [&](const PathState& to) { return mutator.log_pdf_area(from, to); });
-      // Of states whose proposals are seen in several cells.
+      // States whose proposals are seen in several cells.
       if (std::count_if(expected.begin(), expected.end(), [](double x) { return x * kProposals > 40; }) < 2)
         continue;
       expect_counts(counted, expected, kProposals);
@@ -187,7 +187,7 @@ TEST(PathSpace, TechniquesAgree) {
       for (int n = 0; n < kSamples; ++n) {
         const Proposal made = subpaths.make(nullptr, {}, kCount, s, stream);
         if (!made) continue;
-        // Of paths without specular vertices: all techniques make these.
+        // Paths without specular vertices: all techniques make these.
         if (std::any_of(made->vertices.begin(), made->vertices.end(),
                         [](const path::PathVertex& v) { return v.delta; }))
           continue;

@@ -206,7 +206,7 @@ class VcmEye : public transport::EyeTechniques {
   bool loaded_ = false, counts_repeats_ = false;
 };
 
-// Which eye paths of ppm go on. sharp: directions of high density are the walk's.
+// Decides which eye paths of ppm go on. sharp: directions of high density are the walk's.
 struct PpmWalk {
   bool sharp = false;
 

@@ -1,4 +1,4 @@
-// How the length of a path is chosen before anything of it is known. Light falls off geometrically with
+// Chooses the length of a path before anything of it is known. Light falls off geometrically with
 // the number of scatterings, nearly without end where little is absorbed: lengths k = least + j are drawn
 // with
 //   p(j) = 3/4 q^j (1 - q) / (1 - q^n) + 1/4 (1 / ((j + 1) (j + 2))) / (1 - 1 / (n + 1)),   0 <= j < n
@@ -12,7 +12,7 @@ namespace candela::mcmc {
 
 class PathLengths {
  public:
-  // Of least to most edges, least <= most.
+  // Lengths from least to most edges, least <= most.
   PathLengths(std::uint32_t least, std::uint32_t most);
 
   struct Choice {

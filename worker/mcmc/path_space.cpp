@@ -78,7 +78,7 @@ std::optional<PathSpace::State> PathSpace::state(Path path) const {
   return out;
 }
 
-// Of the image's mean: divided by the number of pixels.
+// Splats are those of the image's mean: divided by the number of pixels.
 void PathSpace::put(const State& state, SplatList& out) const {
   const double scale = math::exp(-state.log_density) / (context_.film_width * context_.film_height);
   const auto value = [&](std::size_t c) { return static_cast<float>(state.path.contribution[c] * scale); };

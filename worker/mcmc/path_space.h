@@ -29,7 +29,7 @@ struct MutatorShare {
   double share = 0;  // > 0
 };
 
-// Of one mutation, in a space's life.
+// Counts of one mutation, in a space's life.
 struct MutatorCounts {
   std::uint64_t proposed = 0, accepted = 0;
   std::array<std::uint64_t, kMutationFailures> failed{};

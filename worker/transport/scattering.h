@@ -67,7 +67,7 @@ class SurfaceScattering {
   [[gnu::always_inline]] float pdf_solid_angle(Vec3 wi, TransportMode mode) const {
     return closure_.pdf_solid_angle(local_wo_, hit_.shading.to_local(wi), mode);
   }
-  // Of the walk the other way, which arrives along wi, going on along wo. mode: of this walk.
+  // The density of the walk the other way, which arrives along wi, going on along wo. mode: of this walk.
   [[gnu::always_inline]] float pdf_reverse_solid_angle(const Direction& wi, TransportMode mode) const {
     return closure_.pdf_solid_angle(wi.local, local_wo_, other_mode(mode));
   }
@@ -83,7 +83,7 @@ class SurfaceScattering {
   }
   bool chooses_lobe() const { return closure_.chooses_lobe(); }
   Vec3 direction(const scene::BsdfSample& sample) const { return hit_.shading.to_world(sample.wi); }
-  // What walks from the light multiply the weight of a sample by.
+  // The factor of a sample's weight in walks from the light.
   [[gnu::always_inline]] float adjoint(Vec3 wi) const { return shading_correction(hit_, wo_, wi); }
 
   // The delta lobes that turn light, with directions in the world. u_lobe, u: as turning_lobes() reads them.
@@ -130,7 +130,7 @@ class MediumScattering {
     return Spectrum(phase_.eval(wo_, wi));
   }
   [[gnu::always_inline]] float pdf_solid_angle(Vec3 wi) const { return phase_.pdf_solid_angle(wo_, wi); }
-  // Of the walk the other way, which arrives along wi, going on along wo.
+  // The density of the walk the other way, which arrives along wi, going on along wo.
   [[gnu::always_inline]] float pdf_reverse_solid_angle(Vec3 wi) const {
     return phase_.pdf_solid_angle(wi, wo_);
   }

@@ -38,7 +38,7 @@ class LightPaths {
     if (transport::reads_letters<kBetween>(context.letters)) letters_.emplace(*context.letters);
   }
 
-  // Whether the path of these numbers is visible. Leaves nothing.
+  // True if the path of these numbers is visible. Leaves nothing.
   bool visible(mcmc::PrimaryState& numbers) {
     const Mark before = mark();
     first_alone_ = true;

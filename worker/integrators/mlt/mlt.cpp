@@ -14,7 +14,7 @@
 namespace candela::integrators {
 namespace {
 
-// Of paths without a limit, in edges: a chain's state has to fit into its record.
+// The longest path if there is no limit, in edges: a chain's state has to fit into its record.
 constexpr std::uint32_t kLongest = 1000;
 
 class MltIntegrator final : public ChainIntegrator {

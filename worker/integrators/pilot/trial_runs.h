@@ -29,7 +29,7 @@ class TrialRuns {
   TrialRuns(const Integrator& integrator, const UnitContext& context, const RunContext& run,
             const SmallFilm& film, std::uint32_t layers);
 
-  // Of the small film: a pure function of the scene, the settings and the film's size.
+  // The context of the small film: a pure function of the scene, the settings and the film's size.
   const UnitContext& context() const { return small_; }
   // The images of all replicates. Leaves the cost to the caller.
   Result<Trial> run(const Render& render) const;

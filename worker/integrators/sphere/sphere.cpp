@@ -82,7 +82,8 @@ class SphereIntegrator final : public Integrator {
       if (length_squared(normal) > 0) probe_.normal = normal;
     }
 
-    // Of a sample of the map's pixel; black on the far side of a disk. letters: null where nobody asks.
+    // The radiance of a sample of the map's pixel; black on the far side of a disk. letters: null where
+    // nobody asks.
     Spectrum radiance(std::uint32_t x, std::uint32_t y, samplers::Sampler& sampler, film::Tallies& tallies,
                       transport::EyeLetters* letters) const {
       sampler.set_dimension(0);

@@ -1,4 +1,4 @@
-// What paths of a chain are, for those who make them.
+// The scene and the film of a chain's paths, and their lengths, for those who make them.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ struct MutatorContext {
   // Film in pixels, and the pixels around it that count as on it: paths from the eye are uniform over both.
   double film_width = 1, film_height = 1;
   float film_border = 0;
-  // Of the chain's paths, in edges; others are not proposed. min_edges >= 2.
+  // Lengths of the chain's paths, in edges; others are not proposed. min_edges >= 2.
   std::uint32_t min_edges = 2, max_edges = 64;
 
   double domain_area() const {  // pixels^2

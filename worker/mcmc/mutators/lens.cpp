@@ -12,7 +12,7 @@ using path::Kind;
 
 namespace {
 
-// Where a new chain begins: at a vertex that is not specular, before a specular one.
+// A new chain begins at a vertex that is not specular, before a specular one.
 bool begins_chain(const path::Path& path, std::size_t i) {
   return i > 0 && !path.vertices[i].delta && path.vertices[i - 1].delta;
 }

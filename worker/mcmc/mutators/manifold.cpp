@@ -148,7 +148,7 @@ Proposal ManifoldMutator::propose(const PathState& from, rng::Stream& stream) co
   return path::with_segment(path, segment, moved);
 }
 
-// Of the specular vertices between b and c, given these.
+// The density of the specular vertices between b and c, given these.
 std::optional<double> ManifoldMutator::log_pdf_walk(const PathState& to, const Choice& choice) const {
   path::Segment segment;
   if (!make_chain(context_.scene, to, choice, segment) || fault_of(segment.chain) != Fault::none)

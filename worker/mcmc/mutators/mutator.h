@@ -21,7 +21,7 @@
 // beside those that keep it: but a point or directed light, and a sensor without a lens, are the same whoever
 // makes them. Nothing: X never proposes Y.
 //
-// What a mutator computes of one state for several of these calls it keeps as PathState::memo(this, ...).
+// A mutator keeps what it computes of a state for several of these calls, as PathState::memo(this, ...).
 // A mutator is immutable but for the scene's own caches; each chain and thread has its own.
 #pragma once
 

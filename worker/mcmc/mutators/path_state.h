@@ -15,7 +15,7 @@
 
 namespace candela::mcmc {
 
-// What a mutator keeps with a state.
+// The base of what a mutator keeps with a state.
 struct Memo {
   virtual ~Memo() = default;
 };
@@ -32,7 +32,7 @@ class PathState {
   const transport::path::Assembled& assembled() const { return stands_on_->assembled; }
   const transport::path::Evaluation& evaluation() const { return stands_on_->evaluation; }
 
-  // What `make()` makes for the owner, a std::unique_ptr<T>, T a Memo; made when it is first asked for. It
+  // The T, a Memo, that `make()` makes for the owner (a std::unique_ptr<T>) when it is first asked for. It
   // has to follow from the path and the owner alone. Not for two threads at once.
   template <class T, class Make>
   const T& memo(const void* owner, const Make& make) const {

@@ -114,7 +114,7 @@ bool SubpathWalk::start_at_light(PathVertex& vertex) {
     vertex.kind = Kind::distant_light;
     vertex.place = -normalize(Vec3d(direction_));
   } else {
-    // Of meshes alone the sample names the triangle.
+    // The sample names the triangle only if the lamp is a mesh.
     auto point = scene_.points().of(light.vertex);
     if (!point)
       point = point_of_emitter(scene_, light.vertex.emitter, light.vertex.p, -light.vertex.ng,
@@ -140,7 +140,7 @@ void SubpathWalk::sample() {
 bool SubpathWalk::leave(PathVertex& vertex) {
   if (!sampled_) sample();
   sampled_ = false;
-  // What was kept stays as it is, and is a vertex.
+  // A kept vertex stays as it is, and stays a vertex.
   if (!scatters_ || next_.straight || (kept_ && next_.delta)) return false;
   kept_ = false;
   direction_ = hit_.shading.to_world(next_.wi);

@@ -32,7 +32,7 @@ class Subpaths {
 
   explicit Subpaths(const MutatorContext& context);
 
-  // How `added` vertices may be split. It follows from the numbers and the scene.
+  // The ways to split `added` vertices. They follow from the numbers and the scene.
   Choices choices(const Kept& kept, std::size_t added) const;
   // A path with `added` new vertices, s of them by the light's walk. from: the path that is kept in part;
   // null if nothing is. Preconditions: s is one of the choices, vertices at the ends of what is kept turn by

@@ -1,4 +1,4 @@
-// What the perturbations share that trace rays [half-vector note, section 14]: a stretch of a path is made
+// The part that perturbations by rays share [half-vector note, section 14]: a stretch of a path is made
 // anew by a ray from one of its ends, which turns by the same delta lobes as the path that it comes from.
 //
 // The density of such a stretch, in the measure of PathState::contribution, is that of the ray's direction
@@ -18,7 +18,7 @@
 
 namespace candela::mcmc {
 
-// Whether the two paths have the same kinds of vertices with the same flags, and the same vertices before
+// True if the two paths have the same kinds of vertices with the same flags, and the same vertices before
 // `begin` and from `end` on.
 bool differ_within(const transport::path::Path& a, const transport::path::Path& b, std::size_t begin,
                    std::size_t end);
@@ -34,7 +34,7 @@ struct LogStep {
   std::optional<double> log_pdf_solid_angle(double angle) const;
 };
 
-// Of unit vectors, with all digits of small angles.
+// The angle between unit vectors, with all digits of small angles.
 double angle_between(Vec3d a, Vec3d b);
 // `direction` (unit) turned by the angle, around an azimuth in [0, 2 pi).
 Vec3d turned(Vec3d direction, double angle, double azimuth);
@@ -76,7 +76,7 @@ class Tracer {
   bool trace(std::size_t start, Vec3d direction, transport::path::Path& path, std::size_t first,
              std::size_t last) const;
 
-  // Whether rays along the edges of `to` would stop at its vertices from `first` to `last`: a surface that
+  // True if rays along the edges of `to` would stop at its vertices from `first` to `last`: a surface that
   // lets light pass straight may be passed by one path and hold a vertex of another one.
   bool stops_at(const PathState& to, std::size_t start, std::size_t first, std::size_t last) const;
 
