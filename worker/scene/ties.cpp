@@ -12,12 +12,12 @@ namespace candela::scene {
 namespace {
 
 // A flat primitive with its plane: normal (one of the two, by rule) and distance of the plane from the
-// origin.
+// origin. Small, since a scene may have millions; all else of the primitive is in the geometry.
 struct Flat {
   std::uint64_t normal;  // rounded
   double distance;
-  Contested what;
-  Bounds box;
+  std::uint32_t shape;
+  std::uint32_t primitive;  // in Geometry's array of the shape's kind
 };
 
 // Returns +n or -n: the one whose first large component is positive.
@@ -37,32 +37,84 @@ double largest_coordinate(const Bounds& b) {
                    std::abs(b.high.y), std::abs(b.high.z)});
 }
 
-std::vector<Flat> flats_of(const Geometry& geometry, const std::vector<bool>* looked_at) {
-  std::vector<Flat> flats;
-  const auto add = [&](PrimitiveKind kind, std::uint32_t shape, std::uint32_t primitive, Vec3d normal,
-                       Vec3d point, const Bounds& box) {
+PrimitiveKind kind_of(const Geometry& geometry, std::uint32_t shape) {
+  return geometry.shapes[shape].disk == kNone ? PrimitiveKind::triangle : PrimitiveKind::disk;
+}
+
+Bounds box_of(const Geometry& geometry, const Flat& flat) {
+  if (kind_of(geometry, flat.shape) == PrimitiveKind::disk)
+    return bounds_of(geometry.disks[flat.primitive].disk);
+  const Triangle& t = geometry.triangles[flat.primitive];
+  Bounds box;
+  for (const Vec3& corner : {t.v0, t.v1, t.v2}) box.add(Vec3d(corner));
+  return box;
+}
+
+Group::Range range_of(const Geometry& geometry, PrimitiveKind kind) {
+  return geometry.groups[0].primitives[static_cast<std::size_t>(kind)];
+}
+
+// True if at least two shapes of the scene itself have flat primitives and are looked at.
+bool several_shapes(const Geometry& geometry, const std::vector<bool>* looked_at) {
+  const auto inside = [](const Group::Range& range, std::uint32_t i) {
+    return i >= range.first && i - range.first < range.count;
+  };
+  int count = 0;
+  for (std::uint32_t i = 0; i < geometry.shapes.size() && count < 2; ++i) {
+    const ShapeRecord& shape = geometry.shapes[i];
+    if (looked_at != nullptr && !(*looked_at)[i]) continue;
+    const bool flat = shape.disk != kNone
+                          ? inside(range_of(geometry, PrimitiveKind::disk), shape.disk)
+                          : shape.triangle_count > 0 &&
+                                inside(range_of(geometry, PrimitiveKind::triangle), shape.first_triangle);
+    count += flat ? 1 : 0;
+  }
+  return count >= 2;
+}
+
+template <class Visit>
+void for_each_flat(const Geometry& geometry, const std::vector<bool>* looked_at, const Visit& visit) {
+  const auto add = [&](std::uint32_t shape, std::uint32_t primitive, Vec3d normal, Vec3d point) {
     if (looked_at != nullptr && !(*looked_at)[shape]) return;
     const double l = length(normal);
     if (!(l > 0) || !std::isfinite(l)) return;
     const Vec3d n = without_sign(normal / l);
-    flats.push_back({rounded(n), dot(n, point), {kind, shape, primitive, 0, {}}, box});
+    visit(Flat{rounded(n), dot(n, point), shape, primitive});
   };
-  const auto range = [&](PrimitiveKind kind) {
-    return geometry.groups[0].primitives[static_cast<std::size_t>(kind)];
-  };
-  const Group::Range triangles = range(PrimitiveKind::triangle), disks = range(PrimitiveKind::disk);
-  if (looked_at == nullptr) flats.reserve(triangles.count + disks.count);
+  const Group::Range triangles = range_of(geometry, PrimitiveKind::triangle);
   for (std::uint32_t i = triangles.first; i < triangles.first + triangles.count; ++i) {
     const Triangle& t = geometry.triangles[i];
-    const Vec3d a(t.v0), b(t.v1), c(t.v2);
-    Bounds box;
-    for (const Vec3d& corner : {a, b, c}) box.add(corner);
-    add(PrimitiveKind::triangle, t.shape, i, cross(b - a, c - a), a, box);
+    const Vec3d a(t.v0);
+    add(t.shape, i, cross(Vec3d(t.v1) - a, Vec3d(t.v2) - a), a);
   }
+  const Group::Range disks = range_of(geometry, PrimitiveKind::disk);
   for (std::uint32_t i = disks.first; i < disks.first + disks.count; ++i) {
     const DiskRecord& d = geometry.disks[i];
-    add(PrimitiveKind::disk, d.shape, i, d.disk.axes[2], d.disk.center, bounds_of(d.disk));
+    add(d.shape, i, d.disk.axes[2], d.disk.center);
   }
+}
+
+// Flats that may lie in one plane with those of another shape. A first pass finds the normals (by their
+// hash) that several shapes have, so that a mesh of millions beside few other shapes costs no memory.
+std::vector<Flat> flats_of(const Geometry& geometry, const std::vector<bool>* looked_at) {
+  std::vector<Flat> flats;
+  if (!several_shapes(geometry, looked_at)) return flats;
+  constexpr std::size_t kSlots = std::size_t{1} << 16;
+  constexpr std::uint32_t kSeveral = kNone - 1;
+  const auto slot = [](std::uint64_t normal) {
+    return static_cast<std::size_t>(normal * 0x9e3779b97f4a7c15u >> 48);
+  };
+  std::vector<std::uint32_t> shape_of(kSlots, kNone);
+  for_each_flat(geometry, looked_at, [&](const Flat& flat) {
+    std::uint32_t& shape = shape_of[slot(flat.normal)];
+    if (shape == kNone)
+      shape = flat.shape;
+    else if (shape != flat.shape)
+      shape = kSeveral;
+  });
+  for_each_flat(geometry, looked_at, [&](const Flat& flat) {
+    if (shape_of[slot(flat.normal)] == kSeveral) flats.push_back(flat);
+  });
   return flats;
 }
 
@@ -102,8 +154,8 @@ std::vector<Vec3d> few_corners(const Geometry& geometry, std::vector<Flat>::iter
   std::vector<Vec3d> corners;
   if (end - begin > kMost) return corners;
   for (auto i = begin; i != end; ++i) {
-    if (i->what.kind != PrimitiveKind::triangle) return {};
-    const Triangle& t = geometry.triangles[i->what.primitive];
+    if (kind_of(geometry, i->shape) != PrimitiveKind::triangle) return {};
+    const Triangle& t = geometry.triangles[i->primitive];
     corners.insert(corners.end(), {Vec3d(t.v0), Vec3d(t.v1), Vec3d(t.v2)});
   }
   return corners;
@@ -143,14 +195,16 @@ void add_place(const Place& place, std::vector<Place>& places) {
 void find_in_plane(const Geometry& geometry, std::vector<Flat>::iterator begin,
                    std::vector<Flat>::iterator end, double edge, std::uint32_t plane,
                    std::vector<Contested>& out) {
+  if (std::all_of(begin, end, [&](const Flat& flat) { return flat.shape == begin->shape; })) return;
+  std::vector<Bounds> boxes;
+  for (auto i = begin; i != end; ++i) boxes.push_back(box_of(geometry, *i));
   std::vector<Part> parts;
   for (auto i = begin; i != end; ++i) {
     const auto at = static_cast<std::size_t>(i - begin);
-    if (i == begin || i->what.shape != (i - 1)->what.shape) parts.push_back({at, at, {}, {}, {}});
+    if (i == begin || i->shape != (i - 1)->shape) parts.push_back({at, at, {}, {}, {}});
     parts.back().last = at + 1;
-    parts.back().box.add(i->box);
+    parts.back().box.add(boxes[at]);
   }
-  if (parts.size() < 2) return;
   std::sort(parts.begin(), parts.end(),
             [](const Part& a, const Part& b) { return a.box.low.x < b.box.low.x; });
   for (std::size_t i = 0; i < parts.size(); ++i) {
@@ -171,10 +225,9 @@ void find_in_plane(const Geometry& geometry, std::vector<Flat>::iterator begin,
   for (const Part& part : parts)
     for (std::size_t k = part.first; k < part.last && !part.others.empty(); ++k) {
       work_step();
-      Contested& what = flat(k)->what;
-      what.plane = plane;
+      Contested what{kind_of(geometry, flat(k)->shape), flat(k)->shape, flat(k)->primitive, plane, {}};
       for (const Part* other : part.others)
-        if (overlap_in_plane(flat(k)->box, other->box, edge)) add_place(other->place, what.others);
+        if (overlap_in_plane(boxes[k], other->box, edge)) add_place(other->place, what.others);
       if (!what.others.empty()) out.push_back(std::move(what));
     }
 }
@@ -184,14 +237,9 @@ void find_in_plane(const Geometry& geometry, std::vector<Flat>::iterator begin,
 std::vector<Contested> find_contested(const Geometry& geometry, const std::vector<bool>* looked_at) {
   std::vector<Flat> flats = flats_of(geometry, looked_at);
   std::vector<Contested> out;
-  const auto several = [&] {
-    return std::any_of(flats.begin(), flats.end(),
-                       [&](const Flat& f) { return f.what.shape != flats.front().what.shape; });
-  };
-  if (!several()) return out;
   std::sort(flats.begin(), flats.end(), [](const Flat& a, const Flat& b) {
-    return std::tie(a.normal, a.distance, a.what.shape, a.what.primitive) <
-           std::tie(b.normal, b.distance, b.what.shape, b.what.primitive);
+    return std::tie(a.normal, a.distance, a.shape, a.primitive) <
+           std::tie(b.normal, b.distance, b.shape, b.primitive);
   });
   // Bounds the rounding of coordinates and of Embree's distances.
   const double tolerance = 0x1p-20 * largest_coordinate(geometry.groups[0].bounds);
@@ -203,7 +251,7 @@ std::vector<Contested> find_contested(const Geometry& geometry, const std::vecto
            end->distance - (end - 1)->distance <= tolerance)
       ++end;
     if (end - begin > 1) {
-      std::sort(begin, end, [](const Flat& a, const Flat& b) { return a.what.shape < b.what.shape; });
+      std::sort(begin, end, [](const Flat& a, const Flat& b) { return a.shape < b.shape; });
       find_in_plane(geometry, begin, end, tolerance, plane++, out);
     }
     begin = end;
