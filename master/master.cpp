@@ -114,6 +114,9 @@ class MasterImpl final : public Master {
     return server_->experimental().InProcessChannelWithInterceptors(arguments,
                                                                     wire::token_interceptors(own_token_));
   }
+  std::filesystem::path blob_file(const std::string& sha256) const override {
+    return farm_->blobs().path(sha256);
+  }
   void flush_images() override { farm_->flush_images(); }
 
   void stop() override {

@@ -1,7 +1,9 @@
 // The master as a library: candela-master runs one, `candela render` runs one inside its process.
 #pragma once
 
+#include <filesystem>
 #include <memory>
+#include <string>
 
 #include "common/base/result.h"
 #include "master/options.h"
@@ -21,6 +23,9 @@ class Master {
   virtual int port() const = 0;       // 0: in-process only
   virtual int http_port() const = 0;  // 0: none
   virtual std::shared_ptr<grpc::Channel> in_process_channel() = 0;
+  // The file that holds a blob, if the store has it: for a worker of this process. Precondition:
+  // is_sha256_hex(sha256).
+  virtual std::filesystem::path blob_file(const std::string& sha256) const = 0;
   virtual void flush_images() = 0;  // write every running job's checkpoint and image now
   virtual void stop() = 0;          // idempotent; returns when the last checkpoint is on disk
 };

@@ -74,6 +74,7 @@ Result<void> LocalFarm::start_workers(const std::vector<unsigned>& threads,
     worker::WorkerOptions options;
     options.reading_memory_bytes = std::max<std::uint64_t>(1, scene_memory_bytes / threads.size());
     options.cache_dir = cache_dir;
+    options.blobs_beside = [&state](const std::string& sha256) { return state.master->blob_file(sha256); };
     options.threads = threads[i];
     options.texture_memory_bytes = std::max<std::uint64_t>(1, texture_memory_bytes / threads.size());
     options.name = fmt::format("local-{}", i + 1);

@@ -225,6 +225,43 @@ TEST_F(BlobCacheTest, TwoWorkersShareAFolder) {
   EXPECT_EQ(partial_count(), 0U);
 }
 
+// Claim: a file beside the cache takes the place of a download, and is told from one that is not the blob.
+TEST_F(BlobCacheTest, AFileBesideIsLinked) {
+  const std::string content = "0123456789";
+  const fs::path beside = folder_ / "beside";
+  const auto cache = *BlobCache::open(folder_ / "cache", 1 << 20, [&](const std::string&) { return beside; });
+  const fs::path cached = cache->path_of(sha256_hex(content));
+  for (const std::string& wrong : {std::string("012345678x"), std::string("012")}) {
+    std::ofstream(beside, std::ios::trunc) << wrong;
+    const int before = fetches_;
+    EXPECT_EQ(get(*cache, content)->bytes, content);
+    EXPECT_EQ(fetches_, before + 1);
+    fs::remove(cached);
+  }
+  fs::remove(beside);
+  EXPECT_EQ(get(*cache, content)->bytes, content) << "no file is there";
+  fs::remove(cached);
+  std::ofstream(beside) << content;
+  const int before = fetches_;
+  ASSERT_TRUE(cache->ensure(sha256_hex(content), content.size(), serve(content)).ok());
+  EXPECT_EQ(get(*cache, content)->bytes, content);
+  EXPECT_EQ(fetches_, before);
+  EXPECT_TRUE(fs::equivalent(beside, cached));
+}
+
+// Claim: a blob that is on disk is not read before it is mapped, and a damaged one is noticed then.
+TEST_F(BlobCacheTest, EnsuredBlobsAreCheckedWhenMapped) {
+  auto cache = open(1 << 20);
+  const std::string content = "0123456789";
+  const auto held = cache->ensure(sha256_hex(content), content.size(), serve(content));
+  ASSERT_TRUE(held.ok());
+  std::ofstream(cache->path_of(sha256_hex(content)), std::ios::trunc) << "012345678x";
+  ASSERT_TRUE(cache->ensure(sha256_hex(content), content.size(), serve(content)).ok());
+  EXPECT_EQ(fetches_, 1);
+  EXPECT_EQ(get(*cache, content)->bytes, content);
+  EXPECT_EQ(fetches_, 2);
+}
+
 // Claim: a folder that cannot be made is an error naming it.
 TEST_F(BlobCacheTest, UnusableFolder) {
   std::ofstream(folder_ / "file") << "x";

@@ -1,7 +1,7 @@
 // Blobs on this machine's disk, named by their SHA-256: CACHE/blobs/ab/<sha256>. Several workers may share a
 // folder: files appear whole by rename, vanish by unlink (which hurts nobody who has mapped them), and are
-// trusted only after their hash has been checked in this process, and for as long as device, inode, size,
-// mtime and ctime stay those of the file that was checked. The time of last use, by which the oldest go
+// mapped only after their hash has been checked in this process, and again where device, inode, size, mtime
+// or ctime are no longer those of the file that was checked. The time of last use, by which the oldest go
 // first, is the file's mtime, to a minute. Folders that somebody removes are made again.
 #pragma once
 
@@ -25,9 +25,13 @@ namespace candela::worker {
 
 class BlobCache {
  public:
-  // Creates the folders and removes what interrupted downloads left long ago.
+  // The file that may hold a blob beside the cache, such as in the store of a master in this process. It need
+  // not exist, nor be what its name says.
+  using Beside = std::function<std::filesystem::path(const std::string& sha256)>;
+  // Creates the folders and removes what interrupted downloads left long ago. A file beside the cache, on
+  // the same file system, takes the place of a download by a hard link.
   static Result<std::unique_ptr<BlobCache>> open(const std::filesystem::path& folder,
-                                                 std::uint64_t limit_bytes);
+                                                 std::uint64_t limit_bytes, Beside beside = {});
 
   // Delivers a blob's bytes in order through the sink and fails where the sink does.
   using Sink = std::function<Result<void>(std::string_view)>;
@@ -36,8 +40,9 @@ class BlobCache {
 
   // While a pin lives, its blob is not evicted by this process.
   using Pin = std::shared_ptr<const void>;
-  // The blob is on disk and its hash is right, now or after a download. Errors: `resource` where the disk is
-  // full or the limit leaves no room, `failed` where what came is not the blob, and the fetch's own.
+  // The blob is on disk, now or after a download, and is not evicted. map() checks its hash, so that a large
+  // file is not read once more here. Errors: `resource` where the disk is full or the limit leaves no room,
+  // `failed` where what came is not the blob, and the fetch's own.
   Result<Pin> ensure(const std::string& sha256, std::uint64_t size_bytes, const Fetch& fetch);
 
   // The blob's bytes, fetched again if somebody else has removed it meanwhile. The owner pins it.
@@ -65,17 +70,19 @@ class BlobCache {
     bool settled = false;
   };
 
-  BlobCache(std::filesystem::path folder, std::uint64_t limit_bytes);
+  BlobCache(std::filesystem::path folder, std::uint64_t limit_bytes, Beside beside);
   Pin pin(const std::string& sha256);
   static Result<std::optional<Identity>> identity_of(const std::filesystem::path& path);  // none: no file
   bool is_pinned(const std::string& sha256) const;
   Result<std::shared_ptr<const MappedFile>> open_verified(const std::string& sha256,
                                                           std::uint64_t size_bytes);
   Result<void> download(const std::string& sha256, std::uint64_t size_bytes, const Fetch& fetch);
+  bool link_beside(const std::string& sha256, std::uint64_t size_bytes);
   Result<void> make_room(std::uint64_t need_bytes);
 
   std::filesystem::path folder_;
   std::uint64_t limit_bytes_;
+  Beside beside_;
   std::shared_ptr<Pins> pins_;
   Mutex mutex_;  // held during file metadata operations, never during a download
   std::map<std::string, Verified> verified_ CANDELA_GUARDED_BY(mutex_);

@@ -67,7 +67,7 @@ Result<std::unique_ptr<Worker>> FarmWorker::start(const WorkerOptions& options,
                                                   std::shared_ptr<grpc::Channel> channel,
                                                   RendererFactory factory, const Tuning& tuning) {
   CANDELA_ASSIGN(std::unique_ptr<BlobCache> cache,
-                 BlobCache::open(options.cache_dir, options.cache_limit_bytes));
+                 BlobCache::open(options.cache_dir, options.cache_limit_bytes, options.blobs_beside));
   auto worker = std::unique_ptr<FarmWorker>(
       new FarmWorker(options, std::move(channel), std::move(factory), std::move(cache), tuning));
   FarmWorker& w = *worker;

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -17,6 +18,8 @@ namespace candela::worker {
 struct WorkerOptions {
   std::string master;  // HOST:PORT; ignored where a channel is given
   std::filesystem::path cache_dir;
+  // BlobCache::Beside; empty: files come from the master alone.
+  std::function<std::filesystem::path(const std::string& sha256)> blobs_beside;
   std::uint64_t cache_limit_bytes = 20ULL << 30;
   unsigned threads = 0;                   // 0: all cores
   std::string name;                       // empty: the host's name
