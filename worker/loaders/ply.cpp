@@ -138,9 +138,17 @@ class Reader {
   // Room for the vertices; a count the file cannot hold has been refused before.
   void reserve_vertices() {
     const auto count = static_cast<std::size_t>(vertices_->count);
+    // The scene adds one element to what becomes its only mesh; the arrays are not copied then.
+    mesh_.positions.reserve(count + 1);
     mesh_.positions.resize(count);
-    if (header_.has_normals) mesh_.normals.resize(count);
-    if (header_.has_uvs) mesh_.uvs.resize(count);
+    if (header_.has_normals) {
+      mesh_.normals.reserve(count + 1);
+      mesh_.normals.resize(count);
+    }
+    if (header_.has_uvs) {
+      mesh_.uvs.reserve(count + 1);
+      mesh_.uvs.resize(count);
+    }
     for (const Header::Attribute& attribute : header_.vertex_attributes)
       vertex_attributes_.push_back({attribute.name, std::vector<Spectrum>(count)});
   }

@@ -218,6 +218,10 @@ Bounds Geometry::bounds_of_shape(std::uint32_t index) const {
 }
 
 void Geometry::finish() {
+  // Reserving just one more keeps the arrays from doubling here.
+  positions.reserve(positions.size() + 1);
+  if (!normals.empty()) normals.reserve(positions.size() + 1);
+  if (!uvs.empty()) uvs.reserve(positions.size() + 1);
   positions.emplace_back();
   if (!normals.empty()) normals.resize(positions.size());
   if (!uvs.empty()) uvs.resize(positions.size());
