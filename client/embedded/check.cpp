@@ -79,35 +79,30 @@ Result<CheckReport> check_scene(SceneOptions options, const RendererFacts& facts
     integrator = Finding{Finding::Kind::differs, job.default_integrator->where, job.default_integrator->text};
   const bundle::DiskSource files(std::filesystem::absolute(options.scene).parent_path());
   CANDELA_ASSIGN(
-      const auto renderer,
-      render::Renderer::create(files, gathered.bundle.main_path, gathered.bundle.parameters, job.settings,
-                               std::max(1U, std::thread::hardware_concurrency()), {}, memory));
+      const scene::SceneFeatures features,
+      render::check_scene(files, gathered.bundle.main_path, gathered.bundle.parameters, job.settings,
+                          std::max(1U, std::thread::hardware_concurrency()), memory));
 
   CheckReport report;
   report.scene = options.scene;
   report.review = description::review(scene);
   if (integrator) report.review.findings.insert(report.review.findings.begin(), *integrator);
-  if (const scene::SceneFeatures* features = renderer->features()) {
-    report.triangles = features->triangles;
-    report.dropped_faces = features->dropped_faces;
-  }
+  report.triangles = features.triangles;
+  report.dropped_faces = features.dropped_faces;
   if (report.dropped_faces > 0)
     report.review.findings.push_back(
         {Finding::Kind::ignored, scene.scene->where,
          fmt::format("{} faces of meshes have no area and are left out", report.dropped_faces)});
-  if (const scene::SceneFeatures* features = renderer->features())
-    for (const auto& [first, second] : features->shared_faces)
-      report.review.findings.push_back(
-          {Finding::Kind::differs, {second.file, second.line}, shared_face_text(first)});
-  if (const scene::SceneFeatures* features = renderer->features()) {
-    const std::string missing =
-        integrators::missing_light(*features, job.settings.integrator, job.settings.integrator_settings);
-    const auto written = scene.scene->children_of("integrator");
-    if (!missing.empty())
-      report.review.findings.push_back({Finding::Kind::missing,
-                                        written.empty() ? scene.scene->where : written[0]->where,
-                                        fmt::format("light that is missing: {}", missing)});
-  }
+  for (const auto& [first, second] : features.shared_faces)
+    report.review.findings.push_back(
+        {Finding::Kind::differs, {second.file, second.line}, shared_face_text(first)});
+  const std::string missing =
+      integrators::missing_light(features, job.settings.integrator, job.settings.integrator_settings);
+  const auto written = scene.scene->children_of("integrator");
+  if (!missing.empty())
+    report.review.findings.push_back({Finding::Kind::missing,
+                                      written.empty() ? scene.scene->where : written[0]->where,
+                                      fmt::format("light that is missing: {}", missing)});
   report.width = job.settings.width;
   report.height = job.settings.height;
   report.filter = job.settings.filter;

@@ -292,7 +292,8 @@ class SceneRenderer final : public Renderer {
 Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, const std::string& main_key,
                                           const std::map<std::string, std::string>& parameters,
                                           const JobSettings& settings, unsigned threads,
-                                          const scene::TextureLimits& textures, std::uint64_t memory_bytes) {
+                                          const scene::TextureLimits& textures, std::uint64_t memory_bytes,
+                                          bool traced) {
   CANDELA_ASSIGN(const integrators::IntegratorEntry* entry,
                  integrators::find_integrator(settings.integrator));
   CANDELA_ASSIGN(const samplers::SamplerKind sampler, sampler_kind(settings.sampler));
@@ -314,6 +315,7 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   options.film_height = settings.height;
   options.crop = settings.crop;
   options.textures = textures;
+  options.traced = traced;
   options.named = !settings.layers.empty();
   description::LetterObjects described;
   if (!settings.layers.empty() || !settings.edits.empty())
@@ -366,7 +368,17 @@ Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource
                                                    const scene::TextureLimits& textures,
                                                    std::uint64_t memory_bytes) {
   return unless_stopped(
-      [&] { return compile(files, main_key, parameters, settings, threads, textures, memory_bytes); });
+      [&] { return compile(files, main_key, parameters, settings, threads, textures, memory_bytes, true); });
+}
+
+Result<scene::SceneFeatures> check_scene(const description::FileSource& files, const std::string& main_key,
+                                         const std::map<std::string, std::string>& parameters,
+                                         const JobSettings& settings, unsigned threads,
+                                         std::uint64_t memory_bytes) {
+  CANDELA_ASSIGN(const auto renderer, unless_stopped([&] {
+                   return compile(files, main_key, parameters, settings, threads, {}, memory_bytes, false);
+                 }));
+  return *renderer->features();
 }
 
 std::vector<std::string> supported_isas() {

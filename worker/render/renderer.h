@@ -67,6 +67,13 @@ class Renderer {
   virtual const scene::SceneFeatures* features() const { return nullptr; }
 };
 
+// As Renderer::create, for the scene's facts alone: no tree of its shapes is built where they do without, and
+// its memory is not counted.
+Result<scene::SceneFeatures> check_scene(const description::FileSource& files, const std::string& main_key,
+                                         const std::map<std::string, std::string>& parameters,
+                                         const JobSettings& settings, unsigned threads,
+                                         std::uint64_t memory_bytes);
+
 // Names of the integrators there are, and the settings of one as (name, default, doc) for --help, docs and
 // validation.
 using integrators::SettingDoc;

@@ -39,6 +39,8 @@ class Scene {
     bool parameterized = false;
     bool named = false;                  // objects() is filled
     const EditRequest* edits = nullptr;  // null: none; objects() is filled if there are any
+    // False: no tree is built where the scene has no media, and rays meet nothing: for its features alone.
+    bool traced = true;
     bool in_place = false;  // for measurements: a scene far from the origin stays there (placement.h)
   };
   static Result<std::unique_ptr<Scene>> build(const description::SceneDescription& description,
