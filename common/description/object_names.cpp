@@ -59,23 +59,24 @@ MatteNames matte_names(const std::vector<MatteShape>& shapes) {
   };
   std::set<std::string> ids;
   for (const MatteShape& one : shapes) ids.insert(id_of(one));
-  std::map<std::string_view, int> numbers;          // of a kind
-  std::map<const Object*, std::string> without_id;  // parts of a file are one object
+  std::map<std::string_view, int> numbers;     // of a kind
+  std::map<const Object*, std::string> known;  // parts of a file are one object
   MatteNames names;
   for (const MatteShape& one : shapes) {
-    std::string name = id_of(one);
-    if (name.empty()) {
-      std::string& given = without_id[one.shape];
-      int& number = numbers[one.shape->plugin];
-      while (given.empty() || ids.contains(given)) given = fmt::format("{}.{}", one.shape->plugin, ++number);
-      name = given;
+    const auto [at, fresh] = known.emplace(one.shape, id_of(one));
+    std::string& name = at->second;
+    if (fresh) {
+      int& number = ++numbers[one.shape->plugin];
+      const auto numbered = [&] { return fmt::format("{}.{}", one.shape->plugin, number); };
+      while (name.empty() && ids.contains(numbered())) ++number;
+      if (name.empty()) name = numbered();
     }
     std::string material;
     for (const Object* bsdf = one.part != nullptr ? one.part : only_bsdf(*one.shape);
          bsdf != nullptr && material.empty(); bsdf = only_bsdf(*bsdf))
       material = bsdf->id;
     names.materials.push_back(material.empty() ? name : std::move(material));
-    names.objects.push_back(std::move(name));
+    names.objects.push_back(name);
   }
   return names;
 }

@@ -43,9 +43,7 @@ RejectCause reject_cause(std::span<const double> values) {
   return is_infinite ? RejectCause::infinite : RejectCause::saturated;
 }
 
-// Mean number of keys of a pixel that there is memory for, and pairs that any film may have.
-constexpr std::uint64_t kMaxPixelKeys = 8;
-constexpr std::uint64_t kFreePairs = 1U << 20;
+constexpr std::uint64_t kFreePairs = 1U << 20;  // that any film may have
 constexpr std::uint64_t kPairBytes = 16;
 
 Result<void> validate_domain(const AccumulatorSpec& spec) {

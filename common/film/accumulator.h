@@ -25,6 +25,8 @@ namespace candela::film {
 inline constexpr std::uint32_t kMaxAccumulators = 24;
 inline constexpr std::uint32_t kMaxAccumulatorChannels = 96;
 inline constexpr std::uint32_t kMaxTableEntries = 1U << 24;
+inline constexpr std::uint64_t kMaxPixelKeys =
+    8;  // in the mean of a film's pixels, for which there is memory
 inline constexpr std::uint64_t kMaxKeyNameBytes = 1ULL << 20;  // of all keys of an accumulator together
 // Limit of pixels times channels over all accumulators: as many integers as the largest film has.
 inline constexpr std::uint64_t kMaxAccumulatorValues = kMaxLayerPixels * kChannels;
@@ -52,6 +54,12 @@ struct AccumulatorSpec {
 // The grid of a dense accumulator's sums: the film, or the entries of a table, kTableRow in a row.
 inline constexpr std::uint32_t kTableRow = 1024;
 Layout grid_of(const AccumulatorSpec& spec, std::uint32_t width, std::uint32_t height);
+struct TablePlace {
+  std::uint32_t x, y;
+};
+constexpr TablePlace place_of_entry(std::uint32_t entry) {
+  return {entry % kTableRow, entry / kTableRow};
+}
 // Limit of pairs of pixel and key, in a unit and in a half of the job. Beyond it the job ends.
 std::uint64_t max_pairs(const AccumulatorSpec& spec, std::uint32_t width, std::uint32_t height);
 // Memory of the sums of one half or epoch if all places have one.
@@ -115,6 +123,8 @@ class UnitAccumulator {
 
   // Index: (y * width + x) * channels + channel, of the grid.
   const std::int64_t* sums() const { return sums_.data(); }
+  // The sums of keys.
+  KeyedSums keys() const { return keys_.sums(); }
   // Appends the sums in the form of a delta (sparse_sums.h, keyed_sums.h).
   void put_sums(std::string& out) const;
 

@@ -68,7 +68,7 @@ std::uint32_t murmur3_32(std::string_view text) {
 
 std::uint32_t matte_id_bits(std::string_view name) {
   const std::uint32_t hash = murmur3_32(name), exponent = hash >> 23 & 0xff;
-  // Zeros, denormals, infinities and NaNs do not survive all programs [Friedman & Jones 2015].
+  // Zeros, denormals, infinities and NaNs do not survive all programs [Friedman and Jones 2015].
   return exponent == 0 || exponent == 0xff ? hash ^ 1U << 23 : hash;
 }
 

@@ -1,4 +1,4 @@
-// Names of objects as ids in EXR files, as Cryptomatte 1.2 has them [Friedman & Jones 2015], so that
+// Names of objects as ids in EXR files, as Cryptomatte 1.2 has them [Friedman and Jones 2015], so that
 // compositing programs make mattes of objects. A layer NAME of mattes has channels NAME00.R, .G, .B, .A,
 // NAME01.R, ...: for each pixel pairs of an id and its coverage, the largest coverage first.
 #pragma once
@@ -11,7 +11,7 @@
 
 namespace candela::image {
 
-// MurmurHash3_x86_32 with the seed 0 [Appleby, MurmurHash3].
+// MurmurHash3_x86_32 with the seed 0 (A. Appleby).
 std::uint32_t murmur3_32(std::string_view text);
 
 // The bits of a name's id, which is a float: its hash, one bit flipped if that is no normal number.

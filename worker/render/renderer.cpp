@@ -65,8 +65,10 @@ std::string features_text(const scene::SceneFeatures& f) {
 }
 
 // The integrator's work with what AOVs ask for beside it.
-WorkPlan with_aovs(WorkPlan work, const integrators::AovPass& aovs, const scene::Scene& scene) {
-  for (film::AccumulatorSpec& spec : aovs.accumulators(scene)) work.accumulators.push_back(std::move(spec));
+WorkPlan with_aovs(WorkPlan work, const integrators::AovPass& aovs, const scene::SceneFeatures& features,
+                   const scene::SceneObjects& objects) {
+  for (film::AccumulatorSpec& spec : aovs.accumulators(features, objects))
+    work.accumulators.push_back(std::move(spec));
   return work;
 }
 
@@ -159,7 +161,8 @@ class SceneRenderer final : public Renderer {
     };
     for (const film::AccumulatorSpec& spec : integrators_work(state).accumulators)
       output.accumulators.push_back(make(spec));
-    for (const film::AccumulatorSpec& spec : aovs_.accumulators(*scene_)) output.aovs.push_back(make(spec));
+    for (const film::AccumulatorSpec& spec : aovs_.accumulators(scene_->features(), scene_->objects()))
+      output.aovs.push_back(make(spec));
     return output;
   }
 
@@ -256,7 +259,8 @@ class SceneRenderer final : public Renderer {
     return integrator_->work({settings_.width, settings_.height}, state);
   }
   Result<WorkPlan> work(const NamedState& state) const {
-    WorkPlan work = with_aovs(with_layers(integrators_work(state), layers_), aovs_, *scene_);
+    WorkPlan work = with_aovs(with_layers(integrators_work(state), layers_), aovs_, scene_->features(),
+                              scene_->objects());
     auto valid = validate(work, settings_.width, settings_.height);
     if (valid.ok()) return work;
     if (work.accumulators.size() <= film::kMaxAccumulators) return valid.error();
@@ -427,6 +431,10 @@ Result<WorkPlan> largest_work(const JobSettings& settings) {
     lamps.emitters = everything.emitters = pixel_sums::kMaxGroups;
     everything.environments = everything.infinite_emitters = 1;
   }
+  // As many names as mattes have memory for in the mean of a pixel.
+  scene::SceneObjects objects;
+  objects.object_mattes.names = objects.material_mattes.names =
+      std::vector<std::string>(film::kMaxPixelKeys, "name");
   std::optional<WorkPlan> largest;
   std::optional<Error> error;
   for (const bool full : {false, true})
@@ -440,7 +448,7 @@ Result<WorkPlan> largest_work(const JobSettings& settings) {
       }
       WorkPlan work = with_layers((*integrator)->work({settings.width, settings.height}, {}), layers);
       const integrators::AovPass pass(aovs, work.chains);
-      work = with_aovs(std::move(work), pass, features);
+      work = with_aovs(std::move(work), pass, features, objects);
       if (!largest || statistics_bytes(work, settings.width, settings.height) >
                           statistics_bytes(*largest, settings.width, settings.height))
         largest = std::move(work);

@@ -256,13 +256,14 @@ bool AovPass::reads_parameters() const {
   });
 }
 
-std::vector<film::AccumulatorSpec> AovPass::accumulators(const scene::Scene& scene) const {
+std::vector<film::AccumulatorSpec> AovPass::accumulators(const scene::SceneFeatures& features,
+                                                         const scene::SceneObjects& objects) const {
   std::vector<film::AccumulatorSpec> specs;
   for (const Aov& aov : aovs_) {
-    film::AccumulatorSpec spec{accumulator_name(aov), 1, scale_of(aov.kind, scene.features())};
+    film::AccumulatorSpec spec{accumulator_name(aov), 1, scale_of(aov.kind, features)};
     if (is_matte(aov.kind)) {
       spec.domain = film::AccumulatorSpec::Domain::keys;
-      spec.key_names = mattes_of(aov.kind, scene.objects()).names;
+      spec.key_names = mattes_of(aov.kind, objects).names;
     } else {
       spec.channels = static_cast<std::uint32_t>(channel_letters(aov.kind).size());
     }

@@ -13,7 +13,8 @@
 #include "common/film/accumulator.h"
 #include "common/job/aov.h"
 #include "worker/integrators/integrator.h"
-#include "worker/scene/scene.h"
+#include "worker/scene/features.h"
+#include "worker/scene/objects.h"
 
 namespace candela::integrators {
 
@@ -26,8 +27,9 @@ class AovPass {
   // Some AOV needs a scene whose hits are all parameterized.
   bool reads_parameters() const;
   // One for each AOV, in order, and of chains the count of samples. Scales follow the scene's extent,
-  // the keys of mattes are its names.
-  std::vector<film::AccumulatorSpec> accumulators(const scene::Scene& scene) const;
+  // the keys of mattes are names of `objects`.
+  std::vector<film::AccumulatorSpec> accumulators(const scene::SceneFeatures& features,
+                                                  const scene::SceneObjects& objects) const;
   // One line for the plan.
   std::string plan_text() const;
 
