@@ -4,8 +4,9 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <map>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "common/image/cryptomatte.h"
@@ -42,43 +43,69 @@ void add_pixel(const Halves& halves, std::uint32_t x, std::uint32_t y, std::span
   }
 }
 
-// The ids of one pixel with their coverage.
-class RankedPixel {
+// The ids of the pixels of a row with their coverage. Layers of one matte share it: they are read row by row.
+class RankedRow {
  public:
-  RankedPixel(const Halves& halves, std::vector<std::uint32_t> ids, double value_per_unit)
-      : halves_(halves), ids_(std::move(ids)), value_per_unit_(value_per_unit) {}
-
   struct Part {
     std::uint32_t id;  // bits of a float
     double coverage;   // above 0
   };
-  // The largest coverage first, of equal ones the smaller id.
-  const std::vector<Part>& read(std::uint32_t x, std::uint32_t y, double divisor) {
-    std::map<std::uint32_t, Int128> sums;  // names of one id are one matte
-    for (const MergedAccumulator* accumulator : halves_) {
-      if (accumulator == nullptr) continue;
-      accumulator->keys().get_pixel(x, y, keys_);
-      for (const film::KeyedSums::KeySum& key : keys_) sums[ids_[key.key]] += key.sum;
-    }
-    parts_.clear();
-    for (const auto& [id, sum] : sums)
-      if (sum > 0 && divisor > 0)
-        parts_.push_back({id, static_cast<double>(sum) / divisor * value_per_unit_});
-    std::stable_sort(parts_.begin(), parts_.end(),
-                     [](const Part& a, const Part& b) { return a.coverage > b.coverage; });
-    return parts_;
+  // `divisor` of a pixel's sums, by x and y.
+  RankedRow(const Halves& halves, std::uint32_t width, std::vector<std::uint32_t> ids, double value_per_unit,
+            std::function<double(std::uint32_t, std::uint32_t)> divisor)
+      : halves_(halves),
+        ids_(std::move(ids)),
+        value_per_unit_(value_per_unit),
+        divisor_(std::move(divisor)),
+        pixels_(width) {}
+
+  // By pixel: the largest coverage first, of equal ones the smaller id.
+  const std::vector<std::vector<Part>>& read(std::uint32_t y) {
+    if (y == row_) return pixels_;
+    row_ = y;
+    for (std::uint32_t x = 0; x < pixels_.size(); ++x) rank(x, y);
+    return pixels_;
   }
 
  private:
+  void rank(std::uint32_t x, std::uint32_t y) {
+    std::vector<Part>& parts = pixels_[x];
+    parts.clear();
+    sums_.clear();
+    for (const MergedAccumulator* accumulator : halves_) {
+      if (accumulator == nullptr) continue;
+      accumulator->keys().get_pixel(x, y, keys_);
+      for (const film::KeyedSums::KeySum& key : keys_) add(ids_[key.key], key.sum);
+    }
+    const double divisor = sums_.empty() ? 0 : divisor_(x, y);
+    for (const auto& [id, sum] : sums_)
+      if (sum > 0 && divisor > 0) parts.push_back({id, static_cast<double>(sum) / divisor * value_per_unit_});
+    std::sort(parts.begin(), parts.end(), [](const Part& a, const Part& b) {
+      return a.coverage != b.coverage ? a.coverage > b.coverage : a.id < b.id;
+    });
+  }
+  // Names of one id are one matte.
+  void add(std::uint32_t id, Int128 sum) {
+    const auto found =
+        std::find_if(sums_.begin(), sums_.end(), [&](const auto& known) { return known.first == id; });
+    if (found == sums_.end())
+      sums_.emplace_back(id, sum);
+    else
+      found->second += sum;
+  }
+
   Halves halves_;
   std::vector<std::uint32_t> ids_;  // by key
   double value_per_unit_;
+  std::function<double(std::uint32_t, std::uint32_t)> divisor_;
   std::vector<film::KeyedSums::KeySum> keys_;
-  std::vector<Part> parts_;
+  std::vector<std::pair<std::uint32_t, Int128>> sums_;
+  std::optional<std::uint32_t> row_;  // of pixels_
+  std::vector<std::vector<Part>> pixels_;
 };
 
 // Four values of a pixel for the ranks 2 * pair and 2 * pair + 1.
-void put_ranks(const std::vector<RankedPixel::Part>& parts, std::size_t pair, float* out) {
+void put_ranks(const std::vector<RankedRow::Part>& parts, std::size_t pair, float* out) {
   for (std::size_t i = 0; i < 2; ++i, out += 2) {
     const std::size_t rank = 2 * pair + i;
     out[0] = rank < parts.size() ? std::bit_cast<float>(parts[rank].id) : 0.0F;
@@ -87,10 +114,10 @@ void put_ranks(const std::vector<RankedPixel::Part>& parts, std::size_t pair, fl
 }
 
 // A color for people: three bytes of the id, by coverage.
-void put_preview(const std::vector<RankedPixel::Part>& parts, float* out) {
+void put_preview(const std::vector<RankedRow::Part>& parts, float* out) {
   for (std::size_t c = 0; c < 3; ++c) {
     double sum = 0;
-    for (const RankedPixel::Part& part : parts) sum += part.coverage * (part.id >> 8 * c & 0xff) / 255.0;
+    for (const RankedRow::Part& part : parts) sum += part.coverage * (part.id >> 8 * c & 0xff) / 255.0;
     out[c] = static_cast<float>(sum);
   }
 }
@@ -135,18 +162,19 @@ Result<std::vector<image::Layer>> aov_layers(const JobRow& row, const JobFilm::S
     if (matte) {
       std::vector<std::uint32_t> ids;
       for (const std::string& name : spec->key_names) ids.push_back(image::matte_id_bits(name));
-      const auto pixel = std::make_shared<RankedPixel>(halves, std::move(ids), value_per_unit);
+      const auto row_of =
+          std::make_shared<RankedRow>(halves, width, std::move(ids), value_per_unit, divisor_of);
       const std::vector<std::string> names = layer_names(aov);
       layers.push_back({names[0], {}, [=](std::uint32_t y, std::span<float> out) {
-                          for (std::uint32_t x = 0; x < width; ++x)
-                            put_preview(pixel->read(x, y, divisor_of(x, y)), &out[std::size_t{3} * x]);
+                          const auto& pixels = row_of->read(y);
+                          for (std::size_t x = 0; x < width; ++x) put_preview(pixels[x], &out[3 * x]);
                         }});
       for (std::size_t pair = 0; pair + 1 < names.size(); ++pair)
         layers.push_back({names[pair + 1],
                           {},
                           [=](std::uint32_t y, std::span<float> out) {
-                            for (std::uint32_t x = 0; x < width; ++x)
-                              put_ranks(pixel->read(x, y, divisor_of(x, y)), pair, &out[std::size_t{4} * x]);
+                            const auto& pixels = row_of->read(y);
+                            for (std::size_t x = 0; x < width; ++x) put_ranks(pixels[x], pair, &out[4 * x]);
                           },
                           "RGBA"});
       continue;
