@@ -290,7 +290,7 @@ TEST(Mattes, SumToTheCoverage) {
                                         "value='0.4'/></shape><shape type='rectangle' id='veil'><transform "
                                         "name='to_world'><translate x='-1.2' z='2'/>"
                                         "</transform><bsdf type='mask' id='gauze'><float name='opacity' "
-                                        "value='0.25'/><bsdf type='diffuse' id='stone'/>"
+                                        "value='0.25'/><bsdf type='diffuse'/>"
                                         "</bsdf></shape>");
   const test::TextFiles files({{"scene.xml", scene}});
   constexpr int kSamples = 64;
