@@ -41,7 +41,7 @@ std::vector<std::string> setting_words(const RendererFacts& facts) {
 // Layers that --aov may name first.
 std::vector<std::string> aov_words() {
   std::vector<std::string> out = {"normal", "none"};
-  for (int kind = 0; kind <= static_cast<int>(AovKind::boundary_test); ++kind)
+  for (int kind = 0; kind <= static_cast<int>(kLastAovKind); ++kind)
     out.emplace_back(name(static_cast<AovKind>(kind)));
   return out;
 }

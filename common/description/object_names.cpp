@@ -43,6 +43,44 @@ void ObjectNamesOfScene::name_all(const std::vector<const Object*>& order, Names
   }
 }
 
+namespace {
+
+// The bsdf that an object has alone; null: none or several.
+const Object* only_bsdf(const Object& object) {
+  const std::vector<ObjectPtr> bsdfs = object.children_of("bsdf");
+  return bsdfs.size() == 1 ? bsdfs[0].get() : nullptr;
+}
+
+}  // namespace
+
+MatteNames matte_names(const std::vector<MatteShape>& shapes) {
+  const auto id_of = [](const MatteShape& one) {
+    return !one.shape->id.empty() || one.group == nullptr ? one.shape->id : one.group->id;
+  };
+  std::set<std::string> ids;
+  for (const MatteShape& one : shapes) ids.insert(id_of(one));
+  std::map<std::string_view, int> numbers;     // of a kind
+  std::map<const Object*, std::string> known;  // parts of a file are one object
+  MatteNames names;
+  for (const MatteShape& one : shapes) {
+    const auto [at, fresh] = known.emplace(one.shape, id_of(one));
+    std::string& name = at->second;
+    if (fresh) {
+      int& number = ++numbers[one.shape->plugin];
+      const auto numbered = [&] { return fmt::format("{}.{}", one.shape->plugin, number); };
+      while (name.empty() && ids.contains(numbered())) ++number;
+      if (name.empty()) name = numbered();
+    }
+    std::string material;
+    for (const Object* bsdf = one.part != nullptr ? one.part : only_bsdf(*one.shape);
+         bsdf != nullptr && material.empty(); bsdf = only_bsdf(*bsdf))
+      material = bsdf->id;
+    names.materials.push_back(material.empty() ? name : std::move(material));
+    names.objects.push_back(name);
+  }
+  return names;
+}
+
 std::vector<std::string> ObjectNamesOfScene::of_shape(const Object& shape, const Object* group,
                                                       const Object* part) const {
   std::vector<std::string> names;
@@ -51,10 +89,6 @@ std::vector<std::string> ObjectNamesOfScene::of_shape(const Object& shape, const
   };
   add(shape.id);
   if (group != nullptr) add(group->id);
-  const auto only_bsdf = [](const Object& object) {
-    const std::vector<ObjectPtr> bsdfs = object.children_of("bsdf");
-    return bsdfs.size() == 1 ? bsdfs[0].get() : nullptr;
-  };
   for (const Object* bsdf = part != nullptr ? part : only_bsdf(shape); bsdf != nullptr;
        bsdf = only_bsdf(*bsdf))
     add(bsdf->id);

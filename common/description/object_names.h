@@ -44,4 +44,18 @@ class ObjectNamesOfScene {
   std::set<const Object*> groups_;  // visited
 };
 
+// A shape with its shapegroup and part, as of_shape() takes them.
+struct MatteShape {
+  const Object* shape = nullptr;
+  const Object* group = nullptr;
+  const Object* part = nullptr;
+};
+// Names of mattes, by shape. An object has the id of its shape, or of its shapegroup, or else kind and
+// number, "sphere.3", in the order of the shapes. A material has the id of its bsdf, or else is called as its
+// object. Objects of one name are one matte.
+struct MatteNames {
+  std::vector<std::string> objects, materials;
+};
+MatteNames matte_names(const std::vector<MatteShape>& shapes);
+
 }  // namespace candela::description

@@ -43,7 +43,43 @@ RejectCause reject_cause(std::span<const double> values) {
   return is_infinite ? RejectCause::infinite : RejectCause::saturated;
 }
 
+constexpr std::uint64_t kFreePairs = 1U << 20;  // that any film may have
+constexpr std::uint64_t kPairBytes = 16;
+
+Result<void> validate_domain(const AccumulatorSpec& spec) {
+  using Domain = AccumulatorSpec::Domain;
+  const bool table = spec.domain == Domain::table, keys = spec.domain == Domain::keys;
+  if (table != (spec.entries > 0) || spec.entries > kMaxTableEntries)
+    return spec_error(spec, std::to_string(spec.entries) + " entries, a table has 1 to " +
+                                std::to_string(kMaxTableEntries) + ", and nothing else has any");
+  if (!keys && !spec.key_names.empty()) return spec_error(spec, "it has names of keys, and no keys");
+  if (keys && (spec.channels != 1 || spec.per != AccumulatorSpec::Per::job))
+    return spec_error(spec, "sums by keys have one channel, and are of the whole job");
+  std::uint64_t bytes = 0;
+  for (const std::string& name : spec.key_names) bytes += name.size() + 1;
+  if (bytes > kMaxKeyNameBytes)
+    return spec_error(spec, std::to_string(spec.key_names.size()) + " names of keys have " +
+                                std::to_string(bytes) + " bytes, at most " +
+                                std::to_string(kMaxKeyNameBytes) + " are possible");
+  return {};
+}
+
 }  // namespace
+
+Layout grid_of(const AccumulatorSpec& spec, std::uint32_t width, std::uint32_t height) {
+  if (spec.domain != AccumulatorSpec::Domain::table) return {width, height, 1};
+  return {std::min(spec.entries, kTableRow), (spec.entries + kTableRow - 1) / kTableRow, 1};
+}
+
+std::uint64_t max_pairs(const AccumulatorSpec& spec, std::uint32_t width, std::uint32_t height) {
+  const std::uint64_t pixels = std::uint64_t{width} * height;
+  return std::min(pixels * spec.key_names.size(), std::max(pixels * kMaxPixelKeys, kFreePairs));
+}
+
+std::uint64_t sums_bytes(const AccumulatorSpec& spec, std::uint32_t width, std::uint32_t height) {
+  if (spec.domain == AccumulatorSpec::Domain::keys) return max_pairs(spec, width, height) * kPairBytes;
+  return grid_of(spec, width, height).pixel_count() * spec.channels * sizeof(std::int64_t);
+}
 
 Result<void> validate(std::span<const AccumulatorSpec> specs, std::uint32_t width, std::uint32_t height) {
   if (specs.size() > kMaxAccumulators)
@@ -59,7 +95,8 @@ Result<void> validate(std::span<const AccumulatorSpec> specs, std::uint32_t widt
                                   std::to_string(kMaxAccumulatorChannels) + " are possible");
     if (std::abs(spec.scale_log2) > kMaxScaleLog2)
       return spec_error(spec, "scale 2^" + std::to_string(spec.scale_log2) + " is out of bounds");
-    channels += spec.channels;
+    CANDELA_TRY(validate_domain(spec));
+    if (spec.domain == AccumulatorSpec::Domain::film) channels += spec.channels;
   }
   if (auto valid = validate_layer_names(names); !valid.ok())
     return input_error(valid.error().message).with_field("accumulators");
@@ -73,11 +110,17 @@ Result<void> validate(std::span<const AccumulatorSpec> specs, std::uint32_t widt
 
 UnitAccumulator::UnitAccumulator(std::uint32_t width, std::uint32_t height, const AccumulatorSpec& spec)
     : spec_(spec),
-      layout_{width, height, 1},
+      layout_(grid_of(spec, width, height)),
       units_per_value_(std::ldexp(1.0, spec.scale_log2)),
-      limit_(kMaxContribution / units_per_value_),
-      sums_(layout_.pixel_count() * spec.channels),
-      touched_(layout_.tile_count()) {}
+      limit_(kMaxContribution / units_per_value_) {
+  if (spec.domain == AccumulatorSpec::Domain::keys) {
+    max_pairs_ = max_pairs(spec, width, height);
+    keys_ = UnitKeys(layout_);
+    return;
+  }
+  sums_.resize(layout_.pixel_count() * spec.channels);
+  touched_.resize(layout_.tile_count());
+}
 
 template <class ToSum>
 bool UnitAccumulator::add_units(std::uint32_t x, std::uint32_t y, std::uint32_t first,
@@ -131,7 +174,24 @@ bool UnitAccumulator::splat(std::uint32_t x, std::uint32_t y, std::uint32_t firs
   });
 }
 
+bool UnitAccumulator::add_key(std::uint32_t x, std::uint32_t y, std::uint32_t key, double value,
+                              std::uint64_t sample_key, Tallies& tallies) {
+  if (!holds({&value, 1})) [[unlikely]] {
+    ++tallies.rejected[static_cast<std::size_t>(reject_cause({&value, 1}))];
+    return false;
+  }
+  const double uniform = dither(dither_word(sample_key), 0);
+  if (keys_.add(x, y, key, quantise(value, units_per_value_, uniform))) [[unlikely]]
+    overflowed_.store(true, std::memory_order_relaxed);
+  return true;
+}
+
+bool UnitAccumulator::overfull() const {
+  return spec_.domain == AccumulatorSpec::Domain::keys && keys_.pairs() > max_pairs_;
+}
+
 void UnitAccumulator::clear() {
+  keys_.clear();
   for (std::size_t tile = 0; tile < touched_.size(); ++tile) {
     if (touched_[tile] == 0) continue;
     const TileRect rect = tile_rect(layout_, tile);
@@ -144,16 +204,27 @@ void UnitAccumulator::clear() {
 }
 
 void UnitAccumulator::put_sums(std::string& out) const {
-  film::put_sums(out, layout_, spec_.channels, sums_, touched_);
+  if (spec_.domain == AccumulatorSpec::Domain::keys)
+    keys_.sums().put(out);
+  else
+    film::put_sums(out, layout_, spec_.channels, sums_, touched_);
 }
 
 MergedAccumulator::MergedAccumulator(std::uint32_t width, std::uint32_t height, const AccumulatorSpec& spec)
-    : spec_(spec), layout_{width, height, 1}, sums_(layout_, spec.channels) {}
+    : spec_(spec), layout_(grid_of(spec, width, height)) {
+  if (keyed())
+    keys_ = KeyedSums(layout_);
+  else
+    sums_ = TileSums(layout_, spec.channels);
+}
 
 Result<void> MergedAccumulator::merge(const MergedAccumulator& other) {
   if (other.layout_ != layout_ || other.spec_ != spec_)
     return refused_error("the accumulators differ in size or shape").with_field("accumulators");
-  sums_.add(other.sums_);
+  if (keyed())
+    keys_.add(other.keys_);
+  else
+    sums_.add(other.sums_);
   return {};
 }
 
@@ -163,7 +234,10 @@ std::string MergedAccumulator::serialise() const {
   put_u32(out, layout_.height);
   put_u32(out, spec_.channels);
   put_u32(out, static_cast<std::uint32_t>(spec_.scale_log2));
-  sums_.put(out);
+  if (keyed())
+    keys_.put(out);
+  else
+    sums_.put(out);
   return out;
 }
 
@@ -171,10 +245,19 @@ Result<MergedAccumulator> MergedAccumulator::parse(std::string_view bytes, std::
                                                    std::uint32_t height, const AccumulatorSpec& spec) {
   Reader reader(bytes);
   MergedAccumulator out(width, height, spec);
-  const bool same = reader.u32() == width && reader.u32() == height && reader.u32() == spec.channels &&
+  const Layout& grid = out.layout_;
+  const bool same = reader.u32() == grid.width && reader.u32() == grid.height &&
+                    reader.u32() == spec.channels &&
                     reader.u32() == static_cast<std::uint32_t>(spec.scale_log2);
   if (!same || !reader.ok()) return spec_error(spec, "the stored sums are of another shape");
-  CANDELA_TRY(out.sums_.read(reader, kMaxSum, "the accumulator"));
+  if (out.keyed()) {
+    // Sums that were ahead of a prefix come to the others uncounted.
+    CANDELA_ASSIGN(out.keys_,
+                   KeyedSums::read(reader, grid, static_cast<std::uint32_t>(spec.key_names.size()),
+                                   2 * max_pairs(spec, width, height), kMaxSum, "the accumulator"));
+  } else {
+    CANDELA_TRY(out.sums_.read(reader, kMaxSum, "the accumulator"));
+  }
   if (!reader.rest().empty()) return spec_error(spec, "there are bytes too many");
   return out;
 }

@@ -1,6 +1,6 @@
-// Sums beside the film: per pixel a fixed number of 64-bit integers with a scale of their own, for statistics
-// that are no radiance (sectors of a neighborhood, moments, matrices). They are quantized once, add exactly,
-// and travel and are stored beside the film's sums.
+// Sums beside the film: 64-bit integers with a scale of their own, for statistics that are no radiance
+// (sectors of a neighborhood, moments, matrices). They are quantized once, add exactly, and travel and are
+// stored beside the film's sums. Their domain is the film, a table, or pixels with keys (keyed_sums.h).
 #pragma once
 
 #include <array>
@@ -15,13 +15,19 @@
 
 #include "common/base/result.h"
 #include "common/film/counts.h"
+#include "common/film/keyed_sums.h"
 #include "common/film/layout.h"
+#include "common/film/sparse_sums.h"
 #include "common/film/tile_sums.h"
 
 namespace candela::film {
 
 inline constexpr std::uint32_t kMaxAccumulators = 24;
 inline constexpr std::uint32_t kMaxAccumulatorChannels = 96;
+inline constexpr std::uint32_t kMaxTableEntries = 1U << 24;
+inline constexpr std::uint64_t kMaxPixelKeys =
+    8;  // in the mean of a film's pixels, for which there is memory
+inline constexpr std::uint64_t kMaxKeyNameBytes = 1ULL << 20;  // of all keys of an accumulator together
 // Limit of pixels times channels over all accumulators: as many integers as the largest film has.
 inline constexpr std::uint64_t kMaxAccumulatorValues = kMaxLayerPixels * kChannels;
 
@@ -34,11 +40,34 @@ struct AccumulatorSpec {
   std::uint32_t channels = 1;
   int scale_log2 = 0;  // an integer is value * 2^scale_log2
   Per per = Per::job;
+  enum class Domain : std::uint8_t {
+    film,   // each pixel has `channels` sums
+    table,  // each of `entries` has; they have nothing to do with pixels
+    keys,   // each pair of a pixel and a key that was added has one
+  };
+  Domain domain = Domain::film;
+  std::uint32_t entries = 0;                // of a table
+  std::vector<std::string> key_names = {};  // a key is an index here
   bool operator==(const AccumulatorSpec&) const = default;
 };
 
-// Fails (input) unless names are valid as layers' names are and all different, and channels, scales, their
-// number and their size together are within the bounds above. The error's field begins with "accumulators".
+// The grid of a dense accumulator's sums: the film, or the entries of a table, kTableRow in a row.
+inline constexpr std::uint32_t kTableRow = 1024;
+Layout grid_of(const AccumulatorSpec& spec, std::uint32_t width, std::uint32_t height);
+struct TablePlace {
+  std::uint32_t x, y;
+};
+constexpr TablePlace place_of_entry(std::uint32_t entry) {
+  return {entry % kTableRow, entry / kTableRow};
+}
+// Limit of pairs of pixel and key, in a unit and in a half of the job. Beyond it the job ends.
+std::uint64_t max_pairs(const AccumulatorSpec& spec, std::uint32_t width, std::uint32_t height);
+// Memory of the sums of one half or epoch if all places have one.
+std::uint64_t sums_bytes(const AccumulatorSpec& spec, std::uint32_t width, std::uint32_t height);
+
+// Fails (input) unless names are valid as layers' names are and all different, and channels, scales, domains,
+// their number and their size together are within the bounds above. The error's field begins with
+// "accumulators".
 Result<void> validate(std::span<const AccumulatorSpec> specs, std::uint32_t width, std::uint32_t height);
 
 // The accumulator that a worker adds the samples of one unit into.
@@ -49,10 +78,11 @@ class UnitAccumulator {
 
   const AccumulatorSpec& spec() const { return spec_; }
 
-  // Adds values to channels [first, first + values.size()) of a pixel that only the calling thread touches.
-  // Signs are free. `key` names the sample and seeds the rounding; two calls for one pixel must differ in
-  // key or in channels. If any value is NaN, infinite or saturated, none is added, the sample counts once in
-  // `tallies.rejected`, and the result is false. Preconditions: pixel and channels are inside.
+  // Adds values to channels [first, first + values.size()) of a pixel (of the grid, grid_of()) that only the
+  // calling thread touches. Signs are free. `key` names the sample and seeds the rounding; two calls for one
+  // pixel must differ in key or in channels. If any value is NaN, infinite or saturated, none is added, the
+  // sample counts once in `tallies.rejected`, and the result is false. Preconditions: pixel and channels are
+  // inside.
   bool add(std::uint32_t x, std::uint32_t y, std::uint32_t first, std::span<const double> values,
            std::uint64_t key, Tallies& tallies);
   // A pixel. It is the same for all accumulators of one size.
@@ -75,6 +105,10 @@ class UnitAccumulator {
   bool splat(std::uint32_t x, std::uint32_t y, std::uint32_t first, std::span<const double> values,
              std::uint64_t key, Tallies& tallies);
 
+  // The same of a pixel and a key, from any thread. Precondition: the domain is keys.
+  bool add_key(std::uint32_t x, std::uint32_t y, std::uint32_t key, double value, std::uint64_t sample_key,
+               Tallies& tallies);
+
   // True if add() and splat() take these values.
   bool holds(std::span<const double> values) const {
     bool all = true;
@@ -83,11 +117,15 @@ class UnitAccumulator {
   }
   // A sum wrapped around: the unit must fail.
   bool overflowed() const { return overflowed_.load(std::memory_order_relaxed); }
+  // More pairs of pixel and key than max_pairs(): the unit must fail.
+  bool overfull() const;
   void clear();
 
-  // Index: (y * width + x) * channels + channel.
+  // Index: (y * width + x) * channels + channel, of the grid.
   const std::int64_t* sums() const { return sums_.data(); }
-  // Appends the sums in the form of a delta (sparse_sums.h).
+  // The sums of keys.
+  KeyedSums keys() const { return keys_.sums(); }
+  // Appends the sums in the form of a delta (sparse_sums.h, keyed_sums.h).
   void put_sums(std::string& out) const;
 
  private:
@@ -96,12 +134,22 @@ class UnitAccumulator {
                  std::uint64_t key, Tallies& tallies, const ToSum& to_sum);
 
   AccumulatorSpec spec_;
-  Layout layout_;  // one layer
+  Layout layout_;  // one layer: the grid; of keys the film
+  std::uint64_t max_pairs_ = 0;
   double units_per_value_;
   double limit_;  // the largest value that is not saturated
   std::vector<std::int64_t> sums_;
   std::vector<std::uint8_t> touched_;  // by tile; relaxed atomic access while threads add
   std::atomic<bool> overflowed_{false};
+  UnitKeys keys_;
+};
+
+// The sums of an accumulator as a delta brings them: of keys `keys`, else `sums`.
+struct BroughtSums {
+  std::uint64_t epoch = 0;
+  SparseSums sums;
+  KeyedSums keys = {};
+  bool keyed() const { return keys.has_tiles(); }
 };
 
 // The accumulator that a master adds up. Sums are exact: 64 bits, widened to 128 where 64 would overflow, so
@@ -113,10 +161,17 @@ class MergedAccumulator {
   MergedAccumulator(std::uint32_t width, std::uint32_t height, const AccumulatorSpec& spec);
 
   const AccumulatorSpec& spec() const { return spec_; }
-  // Preconditions and memory of these are those of TileSums.
+  // Preconditions and memory of these are those of TileSums and KeyedSums.
   void merge(const SparseSums& sums) { sums_.add(sums); }
-  void reserve(const SparseSums& sums) { sums_.reserve(sums); }
-  void take_back(const SparseSums& sums, SparseSums::TileBuffers& buffers) { sums_.subtract(sums, buffers); }
+  void merge(const BroughtSums& brought) { keyed() ? keys_.add(brought.keys) : sums_.add(brought.sums); }
+  void reserve(const BroughtSums& brought) {
+    keyed() ? keys_.reserve(brought.keys) : sums_.reserve(brought.sums);
+  }
+  void take_back(const BroughtSums& brought, SparseSums::TileBuffers& buffers) {
+    keyed() ? keys_.subtract(brought.keys) : sums_.subtract(brought.sums, buffers);
+  }
+  // More pairs of pixel and key than max_pairs().
+  bool overfull() const { return keyed() && keys_.pairs() > max_pairs(spec_, layout_.width, layout_.height); }
   // Fails (refused), and nothing changes, if size or spec differ.
   Result<void> merge(const MergedAccumulator& other);
 
@@ -130,21 +185,27 @@ class MergedAccumulator {
   void set_pixel(std::uint32_t x, std::uint32_t y, std::span<const Int128> sums) {
     sums_.set_pixel(0, x, y, sums);
   }
+  // The sums of keys. Empty in another domain.
+  const KeyedSums& keys() const { return keys_; }
+  // Of the grid; of keys the film's.
   std::uint32_t width() const { return layout_.width; }
   std::uint32_t height() const { return layout_.height; }
-  std::uint64_t memory_bytes() const { return sums_.memory_bytes(); }
+  std::uint64_t memory_bytes() const { return keyed() ? keys_.memory_bytes() : sums_.memory_bytes(); }
 
-  // Stored form: width, height, channels, scale (u32 each), and the sums (TileSums::put). Equal sums give
-  // equal bytes.
+  // Stored form: width, height, channels, scale (u32 each), and the sums (TileSums::put, KeyedSums::put).
+  // Equal sums give equal bytes. `width` and `height` are the film's.
   std::string serialise() const;
   // Fails (input) on anything but the whole of what serialise() of such an accumulator makes.
   static Result<MergedAccumulator> parse(std::string_view bytes, std::uint32_t width, std::uint32_t height,
                                          const AccumulatorSpec& spec);
 
  private:
+  bool keyed() const { return spec_.domain == AccumulatorSpec::Domain::keys; }
+
   AccumulatorSpec spec_;
-  Layout layout_;  // one layer
+  Layout layout_;  // one layer: the grid; of keys the film
   TileSums sums_;
+  KeyedSums keys_;
 };
 
 }  // namespace candela::film

@@ -4,7 +4,7 @@
 // sections; XXH64 of all before (u64). Integers are little-endian. A section: kind (u8), name (u16 length,
 // bytes), epoch (u64), length (u64), and so many bytes:
 //   film         width, height, layers, scale_log2 (u32 each), sums (sparse_sums.h)
-//   accumulator  sums, of the channels that the job's plan gives this name
+//   accumulator  sums, of the channels that the job's plan gives this name; of keys as in keyed_sums.h
 //   records      chain records, each with its length before it (common/chains/chains.h)
 //   table        float32 values
 //   counts       10 u64
@@ -22,6 +22,7 @@ namespace candela::film {
 namespace {
 
 constexpr std::string_view kMagic = "CNDLDLT4";
+constexpr Uint128 kMaxUnitSum = static_cast<Uint128>(1) << 63;  // sums of a unit have 64 bits
 
 void put_text(std::string& out, std::string_view text) {
   text = text.substr(0, std::numeric_limits<std::uint16_t>::max());
@@ -213,7 +214,10 @@ std::string Delta::content_sha256() const {
   for (const AccumulatorSums& sums : accumulators_) {
     put_u64(fields, sums.epoch);
     feed();
-    sums.sums.hash_into(hash);
+    if (sums.keyed())
+      sums.keys.hash_into(hash);
+    else
+      sums.sums.hash_into(hash);
   }
   put_u64(fields, records_.size());
   fields += records_;
@@ -241,9 +245,17 @@ Result<void> Delta::read_section(SectionKind kind, std::string_view name, std::u
       const AccumulatorSpec& spec = expected.accumulators[accumulators_.size()];
       expected_name = spec.name;
       per_epoch = spec.per == AccumulatorSpec::Per::epoch;
-      const Layout layout{expected.film.width, expected.film.height, 1};
-      CANDELA_ASSIGN(SparseSums sums, SparseSums::read(reader, layout, spec.channels));
-      accumulators_.push_back({epoch, std::move(sums)});
+      const auto [width, height, layers] = expected.film;
+      const Layout grid = grid_of(spec, width, height);
+      AccumulatorSums brought{epoch, {}};
+      if (spec.domain == AccumulatorSpec::Domain::keys) {
+        CANDELA_ASSIGN(brought.keys,
+                       KeyedSums::read(reader, grid, static_cast<std::uint32_t>(spec.key_names.size()),
+                                       max_pairs(spec, width, height), kMaxUnitSum, "the delta"));
+      } else {
+        CANDELA_ASSIGN(brought.sums, SparseSums::read(reader, grid, spec.channels));
+      }
+      accumulators_.push_back(std::move(brought));
       accumulator_bytes_ += bytes.size();
       break;
     }

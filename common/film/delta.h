@@ -79,10 +79,7 @@ class Delta {
   // does not have, or lacks. Memory is bounded by `expected`, which must match, and by the bytes themselves.
   static Result<Delta> decode(std::string_view bytes, const DeltaShape& expected);
 
-  struct AccumulatorSums {
-    std::uint64_t epoch = 0;
-    SparseSums sums;
-  };
+  using AccumulatorSums = BroughtSums;
   const DeltaInfo& info() const { return info_; }
   const Tallies& tallies() const { return tallies_; }
   const SparseSums& film() const { return film_; }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <optional>
+#include <set>
 
 #include "common/job/layer_name.h"
 
@@ -16,7 +17,7 @@ struct KindRow {
   std::string_view name, letters;
 };
 
-constexpr std::array<KindRow, 14> kKinds = {{{AovKind::albedo, "albedo", "RGB"},
+constexpr std::array<KindRow, 16> kKinds = {{{AovKind::albedo, "albedo", "RGB"},
                                              {AovKind::depth, "depth", "Z"},
                                              {AovKind::position, "position", "XYZ"},
                                              {AovKind::uv, "uv", "UV"},
@@ -29,7 +30,10 @@ constexpr std::array<KindRow, 14> kKinds = {{{AovKind::albedo, "albedo", "RGB"},
                                              {AovKind::coverage, "coverage", "Y"},
                                              {AovKind::duv_dx, "duv_dx", "UV"},
                                              {AovKind::duv_dy, "duv_dy", "UV"},
-                                             {AovKind::boundary_test, "boundary_test", "Y"}}};
+                                             {AovKind::boundary_test, "boundary_test", "Y"},
+                                             {AovKind::crypto_object, "crypto_object", "RGB"},
+                                             {AovKind::crypto_material, "crypto_material", "RGB"}}};
+static_assert(kKinds.size() == static_cast<std::size_t>(kLastAovKind) + 1);
 
 constexpr std::string_view kPrefix = "aov.";
 
@@ -53,11 +57,14 @@ std::string_view trimmed(std::string_view text) {
 Result<Aov> parse_aov(std::string_view word) {
   const std::size_t colon = word.find(':');
   const std::string_view kind_text = trimmed(colon == std::string_view::npos ? word : word.substr(colon + 1));
-  const std::string_view name = trimmed(word.substr(0, colon));
+  std::string_view name = trimmed(word.substr(0, colon));
   const std::optional<AovKind> kind = kind_named(kind_text);
   if (!kind)
     return usage_error(fmt::format("there is no AOV {}", printable_layer_name(kind_text)))
         .with_mend(fmt::format("there is {}, and normal for sh_normal", aov_kind_names()));
+  // Names by which other programs know mattes.
+  if (colon == std::string_view::npos && kind == AovKind::crypto_object) name = "CryptoObject";
+  if (colon == std::string_view::npos && kind == AovKind::crypto_material) name = "CryptoMaterial";
   const Aov aov{std::string(name), *kind};
   std::string fault = fault_of_layer_name(aov.name);
   if (fault.empty()) fault = fault_of_layer_name(accumulator_name(aov));  // the longer name
@@ -82,19 +89,28 @@ std::string aov_kind_names() {
   return names;
 }
 
+std::vector<std::string> layer_names(const Aov& aov) {
+  std::vector<std::string> names = {aov.name};
+  for (std::size_t rank = 0; is_matte(aov.kind) && rank < kMatteRanks; rank += 2)
+    names.push_back(fmt::format("{}{:02}", aov.name, rank / 2));
+  return names;
+}
+
 std::string accumulator_name(const Aov& aov) {
   return std::string(kPrefix) + aov.name;
 }
 
 Result<std::vector<Aov>> parse_aovs(std::string_view text) {
   std::vector<Aov> aovs;
+  std::set<std::string> layers;
   if (trimmed(text).empty() || trimmed(text) == "none") return aovs;
   for (std::size_t begin = 0; begin <= text.size();) {
     const std::size_t end = std::min(text.find(',', begin), text.size());
     CANDELA_ASSIGN(Aov aov, parse_aov(trimmed(text.substr(begin, end - begin))));
-    if (std::any_of(aovs.begin(), aovs.end(), [&](const Aov& other) { return other.name == aov.name; }))
-      return usage_error(fmt::format("two AOVs are called '{}'", aov.name))
-          .with_mend("name them apart: NAME:KIND,NAME:KIND");
+    for (const std::string& layer : layer_names(aov))
+      if (!layers.insert(layer).second)
+        return usage_error(fmt::format("two AOVs are called '{}'", layer))
+            .with_mend("name them apart: NAME:KIND,NAME:KIND");
     if (aovs.size() == kMaxAovs) return usage_error(fmt::format("there are more than {} AOVs", kMaxAovs));
     aovs.push_back(std::move(aov));
     begin = end + 1;

@@ -28,7 +28,10 @@ enum class AovKind : std::uint8_t {
   duv_dx,
   duv_dy,
   boundary_test,
+  crypto_object,
+  crypto_material,
 };
+inline constexpr AovKind kLastAovKind = AovKind::crypto_material;
 
 struct Aov {
   std::string name;  // of the layer
@@ -39,16 +42,27 @@ struct Aov {
 inline constexpr std::size_t kMaxAovs = 16;
 
 // Reads "NAME:KIND,KIND,...". A kind alone names its layer too; `normal` is `normal:sh_normal`. "" and "none"
-// have no AOV. Fails (usage) on anything else, on two equal names, and on more than kMaxAovs.
+// have no AOV; `crypto_object` is `CryptoObject:crypto_object`, and materials likewise. Fails (usage) on
+// anything else, on two layers of one name, and on more than kMaxAovs.
 Result<std::vector<Aov>> parse_aovs(std::string_view text);
 // As "NAME:KIND,...", which parse_aovs() reads.
 std::string text_of(const std::vector<Aov>& aovs);
 
 std::string_view name(AovKind kind);
-// The letters of the channels in an image file: "RGB" of albedo makes NAME.R, NAME.G and NAME.B.
+// The letters of the channels in an image file: "RGB" of albedo makes NAME.R, NAME.G and NAME.B. A matte has
+// its preview under its name.
 std::string_view channel_letters(AovKind kind);
 // Names of all kinds for messages: "albedo, depth, ...".
 std::string aov_kind_names();
+
+// Mattes have ids and coverage of this many names a pixel, two in a layer: NAME00, NAME01, ...
+// (cryptomatte.h).
+inline constexpr std::size_t kMatteRanks = 6;
+constexpr bool is_matte(AovKind kind) {
+  return kind == AovKind::crypto_object || kind == AovKind::crypto_material;
+}
+// Its layers in an image: NAME, of mattes also those of the ranks.
+std::vector<std::string> layer_names(const Aov& aov);
 
 // The name of its accumulator.
 std::string accumulator_name(const Aov& aov);

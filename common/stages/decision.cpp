@@ -26,14 +26,14 @@ Carry empty_carry(std::span<const film::AccumulatorSpec> accumulators, std::uint
 std::uint64_t statistics_bytes(const WorkPlan& plan, std::uint32_t width, std::uint32_t height) {
   std::uint64_t sums = 0;
   for (const film::AccumulatorSpec& spec : plan.accumulators)
-    sums += std::uint64_t{spec.channels} *
+    sums += film::sums_bytes(spec, width, height) *
             (spec.per == film::AccumulatorSpec::Per::job || !plan.epochs ? 2 : plan.epochs->lag + 2);
   std::uint64_t memo = 0;
   if (plan.epochs) {
     const Result<DecisionRule> rule = find_rule(plan.epochs->rule);
     if (rule.ok() && rule->memo_bytes != nullptr) memo = rule->memo_bytes(*plan.epochs);
   }
-  return std::uint64_t{width} * height * (sums * sizeof(std::int64_t) + memo);
+  return sums + std::uint64_t{width} * height * memo;
 }
 
 Result<void> check_statistics(const WorkPlan& plan, const JobSettings& settings, std::uint64_t limit_bytes) {

@@ -8,15 +8,14 @@ namespace candela::light_visibility {
 Layout layout(std::uint32_t width, std::uint32_t height, std::uint32_t lights) {
   const std::uint64_t pixels = std::uint64_t{width} * height;
   const auto entries = [&](std::uint64_t side) { return side * side * side * lights; };
-  Layout out{kMaxSide, lights, 1};
-  while (out.side > 0 && entries(out.side) > pixels * kMaxPerPixel) --out.side;
-  if (entries(out.side) > pixels)
-    out.per_pixel = static_cast<std::uint32_t>((entries(out.side) + pixels - 1) / pixels);
+  Layout out{kMaxSide, lights};
+  while (out.side > 1 && entries(out.side) > pixels * kMaxPerPixel) --out.side;
   return out;
 }
 
 film::AccumulatorSpec spec(const Layout& layout) {
-  return {std::string(kCounts), 2 * layout.per_pixel, 0, film::AccumulatorSpec::Per::epoch};
+  using Spec = film::AccumulatorSpec;
+  return {std::string(kCounts), 2, 0, Spec::Per::epoch, Spec::Domain::table, layout.entries()};
 }
 
 std::uint8_t weight(std::uint64_t tested, std::uint64_t seen) {

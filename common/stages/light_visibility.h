@@ -6,8 +6,7 @@
 //
 // Beyond kMaxLights lights, the light of an entry is a group of lights (scene::Lights).
 //
-// An entry has two integers, tested and seen, which lie one after the other in an accumulator of the job. Its
-// pixels are room for entries: they have nothing to do with the film's.
+// An entry has two integers, tested and seen, in a table of the job.
 #pragma once
 
 #include <cstdint>
@@ -24,27 +23,19 @@ inline constexpr std::string_view kEntries = "entries", kLights = "lights";
 
 inline constexpr std::uint32_t kMaxSide = 16;  // cells along an axis
 inline constexpr std::uint32_t kMaxLights = 64;
-inline constexpr std::uint32_t kMaxPerPixel = 16;  // entries
+// A small film has few samples to train from: so many entries for each of its pixels.
+inline constexpr std::uint32_t kMaxPerPixel = 16;
 
 struct Layout {
-  std::uint32_t side = 1;  // of the grid, in cells; 0: the film has no room for the lights
+  std::uint32_t side = 1;  // of the grid, in cells
   std::uint32_t lights = 0;
-  std::uint32_t per_pixel = 1;  // entries
 
   // Entry of a light in a cell: cell * lights + light.
   std::uint32_t entries() const { return side * side * side * lights; }
 };
-// The finest grid that fits in a film of this size.
+// The finest grid for a film of this size; one cell if the film is very small.
 Layout layout(std::uint32_t width, std::uint32_t height, std::uint32_t lights);
 
-// Place of an entry's two integers: its pixel, and the first of its channels there.
-struct Place {
-  std::uint32_t x, y, channel;
-};
-inline Place place(std::uint32_t entry, std::uint32_t per_pixel, std::uint32_t width) {
-  const std::uint32_t pixel = entry / per_pixel;
-  return {pixel % width, pixel / width, 2 * (entry % per_pixel)};
-}
 film::AccumulatorSpec spec(const Layout& layout);
 
 // The weight of a light of which so many points were tested and seen. A choice in proportion to f sqrt(v) has

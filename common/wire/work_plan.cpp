@@ -10,6 +10,11 @@ namespace {
 
 using film::AccumulatorSpec;
 
+// The numbers of domains are those of the messages.
+static_assert(static_cast<int>(AccumulatorSpec::Domain::film) == v1::AccumulatorSpec::DOMAIN_FILM);
+static_assert(static_cast<int>(AccumulatorSpec::Domain::table) == v1::AccumulatorSpec::DOMAIN_TABLE);
+static_assert(static_cast<int>(AccumulatorSpec::Domain::keys) == v1::AccumulatorSpec::DOMAIN_KEYS);
+
 }  // namespace
 
 void to_proto(const WorkPlan& plan, v1::WorkPlan& out) {
@@ -21,6 +26,9 @@ void to_proto(const WorkPlan& plan, v1::WorkPlan& out) {
     to.set_channels(spec.channels);
     to.set_scale_log2(spec.scale_log2);
     to.set_per_epoch(spec.per == AccumulatorSpec::Per::epoch);
+    to.set_domain(static_cast<v1::AccumulatorSpec::Domain>(spec.domain));
+    to.set_entries(spec.entries);
+    to.mutable_key_names()->Assign(spec.key_names.begin(), spec.key_names.end());
   }
   if (plan.chains) to_proto(*plan.chains, *out.mutable_chains());
   if (plan.epochs) {
@@ -48,9 +56,18 @@ Result<WorkPlan> from_proto(const v1::WorkPlan& message) {
     return field_error("work.accumulators", fmt::format("{} accumulators, at most {}",
                                                         message.accumulators_size(), film::kMaxAccumulators));
   plan.layers.assign(message.layers().begin(), message.layers().end());
-  for (const v1::AccumulatorSpec& from : message.accumulators())
-    plan.accumulators.push_back({from.name(), from.channels(), from.scale_log2(),
-                                 from.per_epoch() ? AccumulatorSpec::Per::epoch : AccumulatorSpec::Per::job});
+  for (const v1::AccumulatorSpec& from : message.accumulators()) {
+    if (from.domain() < v1::AccumulatorSpec::DOMAIN_FILM || from.domain() > v1::AccumulatorSpec::DOMAIN_KEYS)
+      return field_error("work.accumulators",
+                         fmt::format("'{}' has a domain that is not known", from.name()));
+    plan.accumulators.push_back({from.name(),
+                                 from.channels(),
+                                 from.scale_log2(),
+                                 from.per_epoch() ? AccumulatorSpec::Per::epoch : AccumulatorSpec::Per::job,
+                                 static_cast<AccumulatorSpec::Domain>(from.domain()),
+                                 from.entries(),
+                                 {from.key_names().begin(), from.key_names().end()}});
+  }
   if (message.has_chains()) {
     auto chains = from_proto(message.chains());
     if (!chains.ok()) return std::move(chains).error().with_field("work." + chains.error().field);

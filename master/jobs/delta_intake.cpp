@@ -28,9 +28,10 @@ std::uint64_t largest_delta(const film::DeltaShape& shape, const Unit& unit) {
   const std::uint64_t count = unit.end - unit.begin;
   constexpr std::uint64_t kHeaders = 1 << 20;
   if (!makes_film(unit.kind)) return count * sizeof(float) + kHeaders;
-  std::uint64_t integers = std::uint64_t{shape.film.layers} * film::kChannels;
-  for (const film::AccumulatorSpec& spec : shape.accumulators) integers += spec.channels;
-  const std::uint64_t raw = shape.film.pixel_count() * integers * sizeof(std::int64_t);
+  const std::uint64_t integers = std::uint64_t{shape.film.layers} * film::kChannels;
+  std::uint64_t raw = shape.film.pixel_count() * integers * sizeof(std::int64_t);
+  for (const film::AccumulatorSpec& spec : shape.accumulators)
+    raw += film::sums_bytes(spec, shape.film.width, shape.film.height);
   const std::uint64_t records = unit.kind == Unit::Kind::segments ? count : 0;
   return raw + raw / 8 + kHeaders + records * (chains::kMaxRecordBytes + sizeof(std::uint32_t));
 }
@@ -165,7 +166,9 @@ std::optional<DeltaRefusal> DeltaIntake::merge_film(const DeltaHeader& header, c
   // later.
   if (!outcome.ok() && outcome.error().kind == ErrorKind::refused && segments)
     return Refusal{DeltaVerdict::stale, outcome.error().to_string()};
-  if (!outcome.ok()) return corrupt(outcome.error().to_string());
+  if (!outcome.ok())
+    return corrupt(outcome.error().to_string(),
+                   outcome.error().kind == ErrorKind::usage ? FailureCause::scene : FailureCause::worker);
   if (*outcome == JobFilm::Outcome::duplicate) return refusal_of(Delivery::duplicate);
   if (*outcome == JobFilm::Outcome::closed) return refusal_of(Delivery::job_ended);
   film.received_statistics(delta.accumulator_bytes());

@@ -241,6 +241,7 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   if (!parts.image_only) {
     CANDELA_ASSIGN(std::vector<image::Layer> aovs, aov_layers(row, snapshot, parts.which));
     std::move(aovs.begin(), aovs.end(), std::back_inserter(layers));
+    describe_mattes(row, m);
   }
   if (parts.error_layer) {
     error = stats::error_map(film, development);

@@ -311,16 +311,23 @@ Result<void> JobFilm::add_sums(const film::Delta& delta, film::MergedFilm& film,
   for (std::uint32_t i = 0; i < specs_.size(); ++i) {
     const bool per_job = specs_[i].per == film::AccumulatorSpec::Per::job;
     to.push_back(&editable(accumulators, {i, per_job ? delta.info().unit.half : sums[i].epoch}));
-    to.back()->reserve(sums[i].sums);
+    to.back()->reserve(sums[i]);
+    if (to.back()->overfull())
+      return usage_error(fmt::format("the accumulator '{}' has more than {} pairs of pixel and name, for "
+                                     "which there is no memory",
+                                     specs_[i].name,
+                                     film::max_pairs(specs_[i], layout_.width, layout_.height)))
+          .with_field("accumulators")
+          .with_mend("leave this AOV out, or give small objects one id together");
     channels = std::max(channels, sums[i].sums.channels());
   }
   film::SparseSums::TileBuffers buffers(channels);  // to take sums back nothing is allocated
   std::size_t added = 0;
   const auto take_back = [&] {
-    while (added-- > 0) to[added]->take_back(sums[added].sums, buffers);
+    while (added-- > 0) to[added]->take_back(sums[added], buffers);
   };
   try {
-    for (; added < to.size(); ++added) to[added]->merge(sums[added].sums);
+    for (; added < to.size(); ++added) to[added]->merge(sums[added]);
     Result<void> merged = film.merge(delta);  // the last that can be refused
     if (!merged.ok()) take_back();
     return merged;

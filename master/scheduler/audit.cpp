@@ -39,9 +39,14 @@ std::string pilot_sha256(const PilotResult& result) {
       text += fmt::format("{}:{} {}:{}\n", name.size(), name, value.size(), value);
   };
   for (const std::string& layer : work.layers) text += fmt::format("layer {}\n", layer);
-  for (const film::AccumulatorSpec& spec : work.accumulators)
+  for (const film::AccumulatorSpec& spec : work.accumulators) {
     text += fmt::format("sums {} {} {} {}\n", spec.name, spec.channels, spec.scale_log2,
                         static_cast<int>(spec.per));
+    if (spec.domain == film::AccumulatorSpec::Domain::film) continue;
+    text +=
+        fmt::format("domain {} {} {}\n", static_cast<int>(spec.domain), spec.entries, spec.key_names.size());
+    for (const std::string& name : spec.key_names) text += fmt::format("{}:{}\n", name.size(), name);
+  }
   if (work.chains)
     text += fmt::format("chains {} {} {}\n", work.chains->chains, work.chains->bootstrap_samples,
                         work.chains->segment_mutations);

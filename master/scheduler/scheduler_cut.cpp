@@ -12,10 +12,17 @@ namespace {
 // then.
 double likely_merge_seconds(const Job& job) {
   constexpr double kSecondsPerSum = 9e-9;
+  constexpr double kSumsOfKeys = 8;  // of a pixel: the pairs are found, not only added
   double sums = static_cast<double>(film::kChannels) * (1 + static_cast<double>(job.row.layers.size()));
-  for (const film::AccumulatorSpec& spec : job.row.accumulators) sums += spec.channels;
+  double in_tables = 0;
+  for (const film::AccumulatorSpec& spec : job.row.accumulators) {
+    using Domain = film::AccumulatorSpec::Domain;
+    if (spec.domain == Domain::film) sums += spec.channels;
+    if (spec.domain == Domain::keys) sums += kSumsOfKeys;
+    if (spec.domain == Domain::table) in_tables += static_cast<double>(spec.entries) * spec.channels;
+  }
   const JobSettings& s = job.row.settings;
-  return job.source->makes_film() ? kSecondsPerSum * sums * s.width * s.height : 0;
+  return job.source->makes_film() ? kSecondsPerSum * (sums * s.width * s.height + in_tables) : 0;
 }
 
 }  // namespace

@@ -29,7 +29,7 @@ void merge(LocalJob& job, const Unit& unit, std::uint64_t epoch, const integrato
     if (!sums)
       sums =
           std::make_shared<film::MergedAccumulator>(job.film.layout().width, job.film.layout().height, spec);
-    sums->merge(delta->accumulators()[i].sums);
+    sums->merge(delta->accumulators()[i]);
   }
 }
 

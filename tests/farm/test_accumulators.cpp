@@ -81,7 +81,7 @@ std::vector<JobKind> job_kinds() {
       add("optimis, trained", row.name, {{"selection", "trained"}, {"epoch_min", "2"}, {"growth", "16"}});
     }
   }
-  // AOVs are accumulators beside the integrator's own.
+  // AOVs are accumulators beside the integrator's own; mattes have keys.
   for (const std::string integrator : {"path", "appm"}) {
     JobKind kind{.name = integrator + " with AOVs", .settings = {}};
     for (const JobKind& own : all)
@@ -94,12 +94,13 @@ std::vector<JobKind> job_kinds() {
     kind.settings.seed = 5;
     if (integrator == "path")
       kind.settings.integrator_settings = *render::complete_integrator_settings(integrator, {}, {});
-    kind.settings.aovs = "albedo:albedo,n:sh_normal,p:position,coverage:coverage";
+    kind.settings.aovs = "albedo:albedo,n:sh_normal,p:position,coverage:coverage,o:crypto_object";
     all.push_back(std::move(kind));
   }
-  if (!long_form())  // sums of epochs that decide radii, and that train
-    std::erase_if(
-        all, [](const JobKind& kind) { return kind.name != "vcmplus" && kind.name != "optimis, trained"; });
+  if (!long_form())  // sums of epochs that decide radii, and that train; by keys
+    std::erase_if(all, [](const JobKind& kind) {
+      return kind.name != "vcmplus" && kind.name != "optimis, trained" && kind.name != "path with AOVs";
+    });
   return all;
 }
 

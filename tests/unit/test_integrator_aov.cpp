@@ -2,8 +2,10 @@
 // mean is an integral, the bound is that of stratified samples.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -43,6 +45,8 @@ struct Sums {
   std::vector<std::int64_t> film;
   std::map<std::string, std::vector<std::int64_t>> aovs;
   std::map<std::string, film::AccumulatorSpec> specs;
+  std::map<std::string, std::string> mattes;  // encoded
+  std::map<std::string, film::KeyedSums> keys;
   film::Tallies tallies;
   // The mean of a pixel's channel over `samples`.
   double mean(const std::string& name, std::size_t pixel, std::uint32_t channel, double samples) const {
@@ -61,6 +65,11 @@ Sums sums_of(const render::UnitOutput& output) {
     std::string name = aov->spec().name;
     if (name.starts_with("aov.")) name = name.substr(4);
     sums.specs[name] = aov->spec();
+    if (aov->spec().domain == film::AccumulatorSpec::Domain::keys) {
+      sums.keys[name] = aov->keys();
+      sums.keys[name].put(sums.mattes[name]);
+      continue;
+    }
     sums.aovs[name].assign(aov->sums(), aov->sums() + layout.pixel_count() * aov->spec().channels);
   }
   sums.tallies = output.tallies();
@@ -89,9 +98,12 @@ TEST(AovNames, AreReadAndRefused) {
   EXPECT_TRUE(parse_aovs("none")->empty());
   EXPECT_TRUE(parse_aovs("")->empty());
   EXPECT_EQ(parse_aovs(kAll)->size(), 14U);
+  EXPECT_EQ(text_of(*parse_aovs("crypto_object,m:crypto_material")),
+            "CryptoObject:crypto_object,m:crypto_material");
   for (const char* bad :
        {"colour", "a:colour", "albedo,albedo", "error:albedo", "variance:depth", "1:depth", "a b:depth",
-        "albedo,", ":depth",
+        "albedo,", ":depth", "crypto_object,CryptoObject01:albedo",
+        "crypto_object,CryptoObject:crypto_material",
         "a:uv,b:uv,c:uv,d:uv,e:uv,f:uv,g:uv,h:uv,i:uv,j:uv,k:uv,l:uv,m:uv,n:uv,o:uv,p:uv,q:uv"}) {
     const auto refused = parse_aovs(bad);
     ASSERT_FALSE(refused.ok()) << bad;
@@ -263,6 +275,56 @@ TEST(Aovs, UnderFilters) {
     EXPECT_NEAR(sums.mean("albedo", p, 1, kSamples), 0.5 * sums.mean("coverage", p, 0, kSamples), 1e-6);
   }
   for (const std::uint64_t rejected : sums.tallies.rejected) EXPECT_EQ(rejected, 0U);
+}
+
+// Claim: in each pixel the sums over names are those of the coverage to the bit, whatever the filter, and
+// each name has the share of its surface; what light passes straight is seen by its share. Names are those of
+// shape or material, else of kind and number. Sums depend neither on threads nor on how iterations are cut
+// into units.
+TEST(Mattes, SumToTheCoverage) {
+  const std::string scene = plane_scene("<bsdf type='diffuse' id='stone'/>",
+                                        "<shape type='sphere' id='ball'><float name='radius' "
+                                        "value='0.7'/><bsdf type='twosided'><bsdf type='diffuse' "
+                                        "id='gold'/></bsdf></shape><shape type='sphere'><point name='center' "
+                                        "x='1' y='0' z='0'/><float name='radius' "
+                                        "value='0.4'/></shape><shape type='rectangle' id='veil'><transform "
+                                        "name='to_world'><translate x='-1.2' z='2'/>"
+                                        "</transform><bsdf type='mask' id='gauze'><float name='opacity' "
+                                        "value='0.25'/><bsdf type='diffuse'/>"
+                                        "</bsdf></shape>");
+  const test::TextFiles files({{"scene.xml", scene}});
+  constexpr int kSamples = 64;
+  for (const bool lobes : {false, true}) {
+    JobSettings job = aov_job("coverage,crypto_object,crypto_material");
+    job.filter = lobes ? "mitchell" : "box";
+    if (lobes) job.filter_settings = {{"B", "0.333333"}, {"C", "0.333333"}};
+    const auto renderer = test::make_renderer(files, job, {});
+    const Sums whole = run_units(*renderer, {iterations(0, kSamples)}, 3);
+    const Sums parts = run_units(*renderer, {iterations(9, kSamples), iterations(0, 2), iterations(2, 9)});
+    EXPECT_TRUE(whole.mattes == parts.mattes);
+    EXPECT_EQ(whole.specs.at("CryptoObject").key_names,
+              (std::vector<std::string>{"rectangle.1", "ball", "sphere.2", "veil"}));
+    EXPECT_EQ(whole.specs.at("CryptoMaterial").key_names,
+              (std::vector<std::string>{"stone", "gold", "sphere.2", "gauze"}));
+    std::vector<film::KeyedSums::KeySum> keys;
+    std::array<double, 4> shares{};
+    for (const std::string name : {"CryptoObject", "CryptoMaterial"})
+      for (std::uint32_t p = 0; p < kAovSide * kAovSide; ++p) {
+        whole.keys.at(name).get_pixel(p % kAovSide, p / kAovSide, keys);
+        film::Int128 sum = 0;
+        for (const film::KeyedSums::KeySum& key : keys) {
+          sum += key.sum;
+          shares[key.key] += std::ldexp(static_cast<double>(key.sum), -whole.specs.at(name).scale_log2);
+        }
+        EXPECT_TRUE(sum == whole.aovs.at("coverage")[p]);
+      }
+    for (double& share : shares) share /= 2.0 * kSamples * kAovSide * kAovSide;
+    EXPECT_NEAR(shares[0] + shares[1] + shares[2] + shares[3], 1, lobes ? 0.02 : 1e-9);
+    for (const double share : shares) EXPECT_GT(share, 0.01);
+    // A quarter of the veil: its square is 2 wide at distance 2, cut by the image's left edge at 0.728.
+    const double half = 2 * std::tan(20 * std::numbers::pi / 180);
+    EXPECT_NEAR(shares[3], 0.25 * (half - 0.2) / (2 * half), 0.01);
+  }
 }
 
 // Claim: of a job of chains each segment brings as many eye samples as mutations, which are counted pixel by

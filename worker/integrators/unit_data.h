@@ -1,6 +1,7 @@
 // Input and output of a unit, beside scene and settings.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -47,6 +48,10 @@ struct UnitOutput {
     for (const auto& sums : accumulators) any |= sums->overflowed();
     for (const auto& sums : aovs) any |= sums->overflowed();
     return any;
+  }
+  // An accumulator of keys has more pairs than there is memory for: the same.
+  bool overfull() const {
+    return std::any_of(aovs.begin(), aovs.end(), [](const auto& sums) { return sums->overfull(); });
   }
   film::Tallies tallies() const { return film != nullptr ? film->tallies() : counts; }
   // Ready for the next unit; the memory of sums is kept.

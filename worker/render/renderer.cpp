@@ -65,8 +65,9 @@ std::string features_text(const scene::SceneFeatures& f) {
 }
 
 // The integrator's work with what AOVs ask for beside it.
-WorkPlan with_aovs(WorkPlan work, const integrators::AovPass& aovs, const scene::SceneFeatures& features) {
-  for (film::AccumulatorSpec& spec : aovs.accumulators(features))
+WorkPlan with_aovs(WorkPlan work, const integrators::AovPass& aovs, const scene::SceneFeatures& features,
+                   const scene::SceneObjects& objects) {
+  for (film::AccumulatorSpec& spec : aovs.accumulators(features, objects))
     work.accumulators.push_back(std::move(spec));
   return work;
 }
@@ -113,10 +114,11 @@ WorkPlan with_layers(WorkPlan work, const letters::LayerRequest& request) {
 // Fails (usage) if an AOV has the name of a layer.
 Result<void> check_names(const std::vector<Aov>& aovs, const std::vector<std::string>& layers) {
   for (const Aov& aov : aovs)
-    if (std::find(layers.begin(), layers.end(), aov.name) != layers.end())
-      return usage_error(fmt::format("an AOV is called '{}' as a layer of the integrator is", aov.name))
-          .with_field("aovs")
-          .with_mend("give it another name: NAME:KIND");
+    for (const std::string& name : layer_names(aov))
+      if (std::find(layers.begin(), layers.end(), name) != layers.end())
+        return usage_error(fmt::format("an AOV is called '{}' as a layer of the integrator is", name))
+            .with_field("aovs")
+            .with_mend("give it another name: NAME:KIND");
   return {};
 }
 
@@ -159,7 +161,7 @@ class SceneRenderer final : public Renderer {
     };
     for (const film::AccumulatorSpec& spec : integrators_work(state).accumulators)
       output.accumulators.push_back(make(spec));
-    for (const film::AccumulatorSpec& spec : aovs_.accumulators(scene_->features()))
+    for (const film::AccumulatorSpec& spec : aovs_.accumulators(scene_->features(), scene_->objects()))
       output.aovs.push_back(make(spec));
     return output;
   }
@@ -176,6 +178,11 @@ class SceneRenderer final : public Renderer {
       CANDELA_TRY(integrator_->run(context(), unit, input, output, run_context));
       CANDELA_TRY(aovs_.run(aov_context(), unit, output, run_context));
       if (output.overflowed()) return failed_error("a sum of this unit overflowed 64 bits");
+      if (output.overfull())
+        return input_error(
+                   "the mattes of this unit have more pairs of pixel and name than there is memory for")
+            .with_field("aovs")
+            .with_mend("leave mattes out, or give small objects one id together");
       return {};
     });
   }
@@ -252,7 +259,8 @@ class SceneRenderer final : public Renderer {
     return integrator_->work({settings_.width, settings_.height}, state);
   }
   Result<WorkPlan> work(const NamedState& state) const {
-    WorkPlan work = with_aovs(with_layers(integrators_work(state), layers_), aovs_, scene_->features());
+    WorkPlan work = with_aovs(with_layers(integrators_work(state), layers_), aovs_, scene_->features(),
+                              scene_->objects());
     auto valid = validate(work, settings_.width, settings_.height);
     if (valid.ok()) return work;
     if (work.accumulators.size() <= film::kMaxAccumulators) return valid.error();
@@ -316,7 +324,6 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   options.crop = settings.crop;
   options.textures = textures;
   options.traced = traced;
-  options.named = !settings.layers.empty();
   description::LetterObjects described;
   if (!settings.layers.empty() || !settings.edits.empty())
     described = description::letter_objects(*description.scene);
@@ -330,6 +337,9 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   edits.uses = described.uses;
   options.edits = &edits;
   CANDELA_ASSIGN(std::vector<Aov> aov_list, parse_aovs(settings.aovs));
+  const bool mattes =
+      std::any_of(aov_list.begin(), aov_list.end(), [](const Aov& aov) { return is_matte(aov.kind); });
+  options.named = mattes || !settings.layers.empty();
   work_phase(WorkPhase::building);
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, unpacked, options));
   CANDELA_ASSIGN(letters::LayerRequest layers, layer_request(settings.layers, described));
@@ -433,6 +443,10 @@ Result<WorkPlan> largest_work(const JobSettings& settings) {
     lamps.emitters = everything.emitters = pixel_sums::kMaxGroups;
     everything.environments = everything.infinite_emitters = 1;
   }
+  // As many names as mattes have memory for in the mean of a pixel.
+  scene::SceneObjects objects;
+  objects.object_mattes.names = objects.material_mattes.names =
+      std::vector<std::string>(film::kMaxPixelKeys, "name");
   std::optional<WorkPlan> largest;
   std::optional<Error> error;
   for (const bool full : {false, true})
@@ -446,7 +460,7 @@ Result<WorkPlan> largest_work(const JobSettings& settings) {
       }
       WorkPlan work = with_layers((*integrator)->work({settings.width, settings.height}, {}), layers);
       const integrators::AovPass pass(aovs, work.chains);
-      work = with_aovs(std::move(work), pass, features);
+      work = with_aovs(std::move(work), pass, features, objects);
       if (!largest || statistics_bytes(work, settings.width, settings.height) >
                           statistics_bytes(*largest, settings.width, settings.height))
         largest = std::move(work);

@@ -330,8 +330,10 @@ Result<void> SceneBuilder::add_built(const description::Object& object, Shape sh
     measured_rectangle_ = shape.rectangle;
   }
   geometry_.add(std::move(shape), record);
-  if (names_)
+  if (names_) {
     objects_.of_shape.push_back(object_named(letters::kSurfaceObject, names_->of_shape(object, group, part)));
+    matte_shapes_.push_back({&object, group, part});
+  }
   shape_places_.push_back({object.where.file, object.where.line, object.id});
   return {};
 }

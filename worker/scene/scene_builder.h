@@ -157,6 +157,7 @@ class SceneBuilder {
   bool edited_ = false;  // edit() found no edits that select by more of the path
   std::optional<description::ObjectNamesOfScene> names_;  // if somebody asks for them
   std::map<std::pair<letters::ObjectUse, std::vector<std::string>>, std::uint32_t> object_of_names_;
+  std::vector<description::MatteShape> matte_shapes_;  // by the index of the shape, if there are names
   std::map<const description::Object*, std::uint32_t> bsdf_of_object_;
   std::uint32_t default_bsdf_ = kNone, black_bsdf_ = kNone, null_bsdf_ = kNone;
   std::vector<AreaEmitter> area_emitters_;

@@ -2,6 +2,20 @@
 #include "worker/scene/scene_builder.h"
 
 namespace candela::scene {
+namespace {
+
+SceneObjects::Mattes numbered(const std::vector<std::string>& names) {
+  SceneObjects::Mattes mattes;
+  std::map<std::string, std::uint32_t> numbers;
+  for (const std::string& name : names) {
+    const auto [at, fresh] = numbers.emplace(name, static_cast<std::uint32_t>(numbers.size()));
+    if (fresh) mattes.names.push_back(name);
+    mattes.of_shape.push_back(at->second);
+  }
+  return mattes;
+}
+
+}  // namespace
 
 std::uint32_t SceneBuilder::object_named(letters::ObjectUse use, std::vector<std::string> names) {
   const auto [at, fresh] = object_of_names_.emplace(std::pair(use, std::move(names)),
@@ -22,6 +36,9 @@ void SceneBuilder::finish_objects() {
   objects_.of_medium.resize(media_.size());
   for (const auto& [object, index] : media_.known())
     objects_.of_medium[index] = object_named(letters::kMediumObject, {names_->of_medium(*object)});
+  const description::MatteNames names = description::matte_names(matte_shapes_);
+  objects_.object_mattes = numbered(names.objects);
+  objects_.material_mattes = numbered(names.materials);
 }
 
 }  // namespace candela::scene

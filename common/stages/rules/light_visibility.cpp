@@ -21,10 +21,9 @@ std::uint64_t constant(const DecisionInput& input, std::string_view name) {
 }
 // 0: there is none that fits.
 std::uint64_t entries_of(const DecisionInput& input, const film::AccumulatorSpec& spec) {
-  if (spec.name != light_visibility::kCounts || spec.channels % 2 != 0) return 0;
   const std::uint64_t entries = constant(input, light_visibility::kEntries);
-  const std::uint64_t room = std::uint64_t{input.width} * input.height * (spec.channels / 2);
-  return entries <= room ? entries : 0;
+  const bool has = spec.name == light_visibility::kCounts && spec.channels == 2 && spec.entries == entries;
+  return has ? entries : 0;
 }
 
 }  // namespace
@@ -44,11 +43,9 @@ Result<std::string> decide_light_visibility(const DecisionInput& input, Carry& c
   light_visibility::ExpectedGain gain;
   std::string state(entries, '\0');
   for (std::uint32_t entry = 0; entry < entries; ++entry) {
-    const auto at = light_visibility::place(entry, counts.spec().channels / 2, input.width);
-    const auto count = [&](std::uint32_t channel) {
-      return static_cast<std::uint64_t>(counts.sum(at.x, at.y, channel));
-    };
-    const std::uint64_t tested = count(at.channel), seen = count(at.channel + 1);
+    const auto at = film::place_of_entry(entry);
+    const auto tested = static_cast<std::uint64_t>(counts.sum(at.x, at.y, 0)),
+               seen = static_cast<std::uint64_t>(counts.sum(at.x, at.y, 1));
     state[entry] = static_cast<char>(light_visibility::weight(tested, seen));
     gain.add(tested, seen);
     if ((entry + 1) % lights == 0) gain.end_cell();

@@ -9,6 +9,7 @@
 
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/pixel_order.h"
+#include "worker/scene/objects.h"
 #include "worker/transport/between.h"
 #include "worker/transport/draws.h"
 #include "worker/transport/scattering.h"
@@ -40,6 +41,10 @@ int length_scale(double extent) {
   return kUnitScale - exponent;
 }
 
+const scene::SceneObjects::Mattes& mattes_of(AovKind kind, const scene::SceneObjects& objects) {
+  return kind == AovKind::crypto_object ? objects.object_mattes : objects.material_mattes;
+}
+
 // One thread's eye samples.
 class Eye {
  public:
@@ -67,6 +72,11 @@ class Eye {
     if (!look(ray.ray, seen)) return;
     std::array<double, 3> values{};
     for (std::size_t i = 0; i < aovs_.size(); ++i) {
+      if (is_matte(aovs_[i].kind)) {
+        const std::uint32_t key = mattes_of(aovs_[i].kind, context_.scene.objects()).of_shape[seen.hit.shape];
+        output_.aovs[i]->add_key(x, y, key, static_cast<double>(ray.weight), sampler_.sample_key(), tallies_);
+        continue;
+      }
       const std::size_t count = values_of(aovs_[i].kind, seen, values);
       for (std::size_t c = 0; c < count; ++c) values[c] *= static_cast<double>(ray.weight);
       put(i, x, y, std::span(values).first(count), shared);
@@ -164,6 +174,8 @@ class Eye {
       case AovKind::shape_index:
         return number(hit.shape + 1.0);
       case AovKind::coverage:
+      case AovKind::crypto_object:
+      case AovKind::crypto_material:
         return number(1);
       case AovKind::duv_dx:
         return uv_step(seen, 1, 0, out);
@@ -219,6 +231,8 @@ int scale_of(AovKind kind, const scene::SceneFeatures& features) {
     case AovKind::duv_dx:
     case AovKind::duv_dy:
     case AovKind::boundary_test:
+    case AovKind::crypto_object:
+    case AovKind::crypto_material:
       break;
   }
   return kUnitScale;
@@ -242,11 +256,19 @@ bool AovPass::reads_parameters() const {
   });
 }
 
-std::vector<film::AccumulatorSpec> AovPass::accumulators(const scene::SceneFeatures& features) const {
+std::vector<film::AccumulatorSpec> AovPass::accumulators(const scene::SceneFeatures& features,
+                                                         const scene::SceneObjects& objects) const {
   std::vector<film::AccumulatorSpec> specs;
-  for (const Aov& aov : aovs_)
-    specs.push_back({accumulator_name(aov), static_cast<std::uint32_t>(channel_letters(aov.kind).size()),
-                     scale_of(aov.kind, features)});
+  for (const Aov& aov : aovs_) {
+    film::AccumulatorSpec spec{accumulator_name(aov), 1, scale_of(aov.kind, features)};
+    if (is_matte(aov.kind)) {
+      spec.domain = film::AccumulatorSpec::Domain::keys;
+      spec.key_names = mattes_of(aov.kind, objects).names;
+    } else {
+      spec.channels = static_cast<std::uint32_t>(channel_letters(aov.kind).size());
+    }
+    specs.push_back(std::move(spec));
+  }
   if (any() && chains_) specs.push_back({std::string(kAovSamples), 1, 0});
   return specs;
 }

@@ -14,6 +14,7 @@
 #include "common/job/aov.h"
 #include "worker/integrators/integrator.h"
 #include "worker/scene/features.h"
+#include "worker/scene/objects.h"
 
 namespace candela::integrators {
 
@@ -25,8 +26,10 @@ class AovPass {
   bool any() const { return !aovs_.empty(); }
   // Some AOV needs a scene whose hits are all parameterized.
   bool reads_parameters() const;
-  // One for each AOV, in order, and of chains the count of samples. Scales follow the scene's extent.
-  std::vector<film::AccumulatorSpec> accumulators(const scene::SceneFeatures& features) const;
+  // One for each AOV, in order, and of chains the count of samples. Scales follow the scene's extent,
+  // the keys of mattes are names of `objects`.
+  std::vector<film::AccumulatorSpec> accumulators(const scene::SceneFeatures& features,
+                                                  const scene::SceneObjects& objects) const;
   // One line for the plan.
   std::string plan_text() const;
 

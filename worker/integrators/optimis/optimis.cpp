@@ -117,7 +117,7 @@ class OptimisIntegrator final : public IterationIntegrator {
             epoch_plan(epoch_corrections::kRule, {{"counts", pixel_sums::counts_text(allocation_)}});
     }
     const light_visibility::Layout layout = light_visibility::layout(size.width, size.height, lights_);
-    if (lights_ > 0 && layout.side > 0) {
+    if (lights_ > 0) {
       plan.accumulators = {light_visibility::spec(layout)};
       plan.epochs = epoch_plan(light_visibility::kRule,
                                {{std::string(light_visibility::kEntries), std::to_string(layout.entries())},
@@ -133,17 +133,16 @@ class OptimisIntegrator final : public IterationIntegrator {
     const Reading& how = *decided;
     std::optional<estimators::LightWeights> lights;
     const light_visibility::Layout layout = light_visibility::layout(context.width, context.height, lights_);
-    if (lights_ > 0 && layout.side > 0) {
+    if (lights_ > 0) {
       CANDELA_ASSIGN(const std::span<const std::uint8_t> weights, light_weights(input, layout));
       if (!weights.empty()) lights.emplace(context.scene.lights().extent(), layout, weights);
     }
     const std::optional<scene::LightGroups> groups = light_groups(context);
-    const bool has_epochs = epochs_.has_value() && (how.read_out == ReadOut::epochs || layout.side > 0);
     return with_tracer(context, [&](const auto& trace) {
       // Slopes and light weights of an epoch are from earlier ones: they have to be independent. One half's
       // samples of all epochs are one sequence of the sampler, those of different words are not.
       const std::uint32_t word =
-          unit.half + (has_epochs ? 2 * static_cast<std::uint32_t>(epochs_->of_index(unit.begin)) : 0);
+          unit.half + (epochs_ ? 2 * static_cast<std::uint32_t>(epochs_->of_index(unit.begin)) : 0);
       return for_each_tile(context.width, context.height, *output.film, run,
                            [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
                                film::Tallies& tallies) {
@@ -324,9 +323,9 @@ class OptimisIntegrator final : public IterationIntegrator {
   }
   static void tally_visibility(const Iteration& i, std::uint64_t key) {
     for (const estimators::FirstVertex::ShadowTest& test : i.first.shadow_tests()) {
-      const auto at = light_visibility::place(test.entry, i.layout.per_pixel, i.context.width);
+      const auto at = film::place_of_entry(test.entry);
       const std::array<double, 2> counts = {1, test.seen ? 1.0 : 0.0};
-      i.output.accumulators[0]->splat(at.x, at.y, at.channel, counts, key, i.tallies);
+      i.output.accumulators[0]->splat(at.x, at.y, 0, counts, key, i.tallies);
     }
   }
   static void add_weighted(mis::Sums& to, mis::Sums more, float weight) {

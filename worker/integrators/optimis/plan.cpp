@@ -189,11 +189,9 @@ void plan_training(const OptimisSettings& settings, const scene::SceneFeatures& 
       fmt::format("the visibility of {} in up to {} cells, decided once an epoch, of {} iterations or "
                   "1/{} of those before",
                   what, cells, settings.epoch_min, settings.growth));
-  out.planned.plan.use(
-      "statistics",
-      fmt::format("up to {} kB for each of {} epochs and in a state; a worker has 16 to {} "
-                  "bytes a pixel",
-                  16 * cells * out.lights / 1000, settings.lag + 2, 16 * light_visibility::kMaxPerPixel));
+  out.planned.plan.use("statistics",
+                       fmt::format("up to {} kB for each of {} epochs, in a state and in a worker",
+                                   16 * cells * out.lights / 1000, settings.lag + 2));
 }
 
 constexpr const char* kOptimal = "optimal weights";
