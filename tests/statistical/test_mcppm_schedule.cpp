@@ -31,7 +31,7 @@ constexpr const char* kScene = R"(<scene version="3.0.0">
 // would make 10 % more. [metropolis-photons note, section 7]
 TEST(McppmSchedule, MeanOfManyIterationsIsThatOfPpm) {
   const std::uint64_t iterations = long_form() ? 1000 : 100, jobs = 24;
-  const SettingsMap both = {{"radius", "0.012"}, {"light_paths", "24"}};
+  const SettingsMap both = {{"radius", "0.02"}, {"light_paths", "48"}};
   SettingsMap own = both;
   own.insert({{"plan", "full"}, {"epoch_min", "8"}});
   const TestScene scene = scene_from_xml(kScene, 8, 8), mcppm = with_integrator(scene, "mcppm", own),

@@ -198,7 +198,7 @@ TEST(TurningLobes, SendWhatAllLobesSend) {
     }
   }
   EXPECT_GT(two, 100);
-  EXPECT_GT(more, 60);
+  EXPECT_GT(more, 40);
 }
 
 }  // namespace
