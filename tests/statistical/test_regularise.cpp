@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <numbers>
 
+#include "tests/proofs/proofs.h"
 #include "tests/regularised_scenes.h"
 #include "tests/statistical/chain_driver.h"
 #include "tests/statistical/moments.h"
@@ -15,6 +16,9 @@
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h. (Not those of chains, whose b is of counts.)
+const proofs::FilmsDecide kFilms({"Regularised"});
 
 struct Method {
   std::string integrator;
