@@ -25,13 +25,14 @@ inline std::string square(Vec3d p, Vec3d n, double half, const std::string& bsdf
 inline const std::string kMirror =
     R"(<bsdf type="twosided"><bsdf type="conductor"><string name="material" value="none"/></bsdf></bsdf>)";
 
-inline std::string camera(Vec3d from, Vec3d direction, double fov) {
+inline std::string camera(Vec3d from, Vec3d direction, double fov, double near_clip = 0.001) {
   const Vec3d up = std::abs(direction.z) < 0.9 ? Vec3d(0, 0, 1) : Vec3d(0, 1, 0);
   return fmt::format(
       "<sensor type=\"perspective\"><float name=\"fov\" value=\"{}\"/><float name=\"near_clip\" "
-      "value=\"0.001\"/><transform name=\"to_world\"><lookat origin=\"{}\" target=\"{}\" "
+      "value=\"{}\"/><float name=\"far_clip\" value=\"{}\"/><transform name=\"to_world\"><lookat "
+      "origin=\"{}\" target=\"{}\" "
       "up=\"{}\"/></transform></sensor>",
-      fov, point(from), point(from + direction), point(up));
+      fov, near_clip, 1e7 * near_clip, point(from), point(from + direction), point(up));
 }
 
 inline Vec3d mirrored(Vec3d p, Vec3d q, Vec3d n) {
@@ -55,18 +56,21 @@ struct SceneText {
 struct SceneT {
   static constexpr double kD = 3.4, kBeforeB = 0.8, kBeforeA = 1.0, kIntensity = 5;
 };
-inline SceneText scene_t(double fov) {
-  const Vec3d eye(0, 0, 0), a(0, 0, 1), na = normalize(Vec3d(0.3, 0, 1)), nb = normalize(Vec3d(-0.4, 0.2, 1));
+// The scene of this size, moved: the lamp's intensity grows with the square of the size, so that pictures do
+// not change.
+inline SceneText scene_t(double fov, double size = 1, Vec3d moved = {}) {
+  const Vec3d na = normalize(Vec3d(0.3, 0, 1)), nb = normalize(Vec3d(-0.4, 0.2, 1));
   // The light's path unfolds to the z axis: first the direction behind A, then that behind B.
-  const Vec3d first = mirrored(Vec3d(0, 0, 1), {}, na), b = a + first * 1.6, second = mirrored(first, {}, nb),
-              lamp = b + second * SceneT::kBeforeB;
-  return {camera(eye, {0, 0, 1}, fov),
-          square(a, -na, 0.7, kMirror) + square(b, nb, 0.7, kMirror) +
+  const Vec3d first = mirrored(Vec3d(0, 0, 1), {}, na), second = mirrored(first, {}, nb);
+  const Vec3d eye = moved, a = moved + Vec3d(0, 0, size), b = a + first * (1.6 * size),
+              lamp = b + second * (SceneT::kBeforeB * size);
+  return {camera(eye, {0, 0, 1}, fov, 0.001 * size),
+          square(a, -na, 0.7 * size, kMirror) + square(b, nb, 0.7 * size, kMirror) +
               fmt::format("<emitter type=\"spot\"><rgb name=\"intensity\" value=\"{}\"/><float "
                           "name=\"cutoff_angle\" value=\"30\"/><float name=\"beam_width\" "
                           "value=\"29.5\"/><transform name=\"to_world\"><lookat origin=\"{}\" "
                           "target=\"{}\" up=\"0.1,0.2,1\"/></transform></emitter>",
-                          SceneT::kIntensity, point(lamp), point(b))};
+                          SceneT::kIntensity * size * size, point(lamp), point(b))};
 }
 
 }  // namespace candela::test

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <span>
 #include <vector>
 
@@ -41,9 +42,9 @@ film::AccumulatorSpec spec(std::uint32_t width, std::uint32_t height) {
 
 void add(const Counts& counts, std::uint64_t key, film::UnitAccumulator& to, std::uint32_t width,
          film::Tallies& tallies) {
-  const std::array<std::uint64_t, kCounts> all = {counts.iterations,  counts.black_iterations,
-                                                  counts.light_paths, counts.visible_paths,
-                                                  counts.mutations,   counts.accepted};
+  const std::array<std::uint64_t, kCounts> all = {
+      counts.iterations, counts.black_iterations, counts.light_paths,    counts.visible_paths,
+      counts.mutations,  counts.accepted,         counts.visible_squares};
   for (std::uint32_t i = 0; i < kCounts; ++i) {
     const Place at = place(i, to.spec().channels, width);
     const auto value = static_cast<double>(all[i]);
@@ -56,7 +57,14 @@ Counts read(const film::MergedAccumulator& sums) {
     const Place at = place(i, sums.spec().channels, sums.width());
     return static_cast<std::uint64_t>(sums.sum(at.x, at.y, at.channel));
   };
-  return {count(0), count(1), count(2), count(3), count(4), count(5)};
+  return {count(0), count(1), count(2), count(3), count(4), count(5), count(6)};
+}
+
+double flicker(const Counts& counts) {
+  if (counts.iterations < 2 || counts.visible_paths == 0) return 0;
+  const auto n = static_cast<double>(counts.iterations), sum = static_cast<double>(counts.visible_paths);
+  const double variance = (static_cast<double>(counts.visible_squares) - sum / n * sum) / (n - 1);
+  return std::sqrt(std::max(variance, 0.0)) / (sum / n);
 }
 
 double next_step(double step, std::uint64_t accepted, std::uint64_t mutations) {

@@ -27,9 +27,10 @@ inline constexpr std::string_view kFirstStep = "step";
 struct Counts {
   std::uint64_t iterations = 0, black_iterations = 0, light_paths = 0, visible_paths = 0, mutations = 0,
                 accepted = 0;
+  std::uint64_t visible_squares = 0;  // of the visible paths of each iteration
   bool operator==(const Counts&) const = default;
 };
-inline constexpr std::uint32_t kCounts = 6;
+inline constexpr std::uint32_t kCounts = 7;
 
 film::AccumulatorSpec spec(std::uint32_t width, std::uint32_t height);
 // Adds counts of an iteration of this key. No other thread may add.
@@ -37,6 +38,9 @@ void add(const Counts& counts, std::uint64_t key, film::UnitAccumulator& to, std
          film::Tallies& tallies);
 // Precondition: the accumulator has the spec of its film.
 Counts read(const film::MergedAccumulator& sums);
+// Standard deviation of the number of visible paths of an iteration over its mean: what the light of one
+// iteration flickers by, in all pixels alike. 0 if fewer than two iterations or no visible path is counted.
+double flicker(const Counts& counts);
 
 // Bounds of a step size, the largest distance by which a mutation moves a random number.
 inline constexpr double kLeastStep = 1e-4, kMostStep = 0.5;

@@ -10,7 +10,7 @@ shared=${3:-}
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 seconds=${SECONDS_A_RUN:-8}
 seeds=${SEEDS:-4}
-integrators=${INTEGRATORS:-path light bdpt ppm bpm vcm pssmlt mmlt}
+integrators=${INTEGRATORS:-path light bdpt ppm bpm vcm mcppm pssmlt mmlt}
 # The report comes last, hours later: what it needs is asked for now.
 "$root/tests/bench/report.py" --help >/dev/null
 [[ -x $bin/candela-bench ]] || { echo "error_over_time.sh: error: $bin/candela-bench is missing: build it first" >&2; exit 2; }

@@ -352,5 +352,39 @@ std::vector<Work> works() {
 INSTANTIATE_TEST_SUITE_P(, Deaths, testing::ValuesIn(works()),
                          [](const auto& one) { return one.param.integrator; });
 
+// Claim: a job that mollifies has one picture: on one machine, and on a farm whose master and worker are
+// killed. Its radii are functions of the numbers of samples and mutations in the job, never of a worker's.
+class Regularised : public testing::TestWithParam<std::string> {};
+
+TEST_P(Regularised, SamePixelsWithDeaths) {
+  const std::string scene = "tests/statistical/transport/bulb-room.xml", &integrator = GetParam();
+  const bool chains = test::has_chains(integrator);
+  const std::vector<std::string> options = {
+      "--integrator", integrator,      "--set", "max_depth=5",
+      "--set",        "regularise=on", "--set", "regularise_radius=0.1"};
+  const std::uint64_t iterations = chains ? 30 : 301;
+  Farm farm;
+  farm.start_master({"--unit-time", "0.05", "--checkpoint-interval", "0.05", "--lease-time", "2"});
+  Process& victim = farm.start_worker("victim");
+  const std::string id = farm.submit(iterations, scene, options);
+  farm.wait_for_iterations(id, 1);
+  victim.kill();
+  for (int i = 0; i < (long_form() ? 8 : 2); ++i) farm.start_worker("heir" + std::to_string(i));
+  farm.kill_master();
+  farm.restart_master();
+  farm.wait_for(id, v1::JOB_STATE_DONE);
+  const image::Image picture = farm.fetch(id);
+  expect_identical(picture, farm.render(iterations, scene, options), "with deaths");
+  farm.audit(id, iterations);
+  std::vector<std::string> off = options;
+  off[5] = "regularise=off";
+  EXPECT_NE(picture.rgb, farm.render(iterations, scene, off).rgb);
+}
+INSTANTIATE_TEST_SUITE_P(, Regularised,
+                         testing::ValuesIn(long_form()
+                                               ? std::vector<std::string>{"path", "bdpt", "pssmlt", "mmlt"}
+                                               : std::vector<std::string>{"bdpt"}),
+                         [](const auto& one) { return one.param; });
+
 }  // namespace
 }  // namespace candela::farm

@@ -35,11 +35,12 @@ film::MergedAccumulator sums_of(const Counts& counts, std::uint64_t iterations, 
 
 // Claim: counts of any film survive the accumulator exactly, each in a place of its own.
 TEST(PhotonChains, CountsAreExactOnAnyFilm) {
-  const Counts one{1, 1, 5'000'000'001, 123'456'789, 99'999'999'999, 7};
+  const Counts one{1, 1, 5'000'000'001, 123'456'789, 99'999'999'999, 7, 15'241'578'750};
   for (const auto& [width, height] : {std::pair{1U, 1U}, {2U, 2U}, {5U, 1U}, {1U, 6U}, {640U, 480U}}) {
     EXPECT_TRUE(film::validate(std::vector{photon_chains::spec(width, height)}, width, height).ok());
     const Counts three = photon_chains::read(sums_of(one, 3, width, height));
-    EXPECT_EQ(three, (Counts{3, 3, 3 * one.light_paths, 3 * one.visible_paths, 3 * one.mutations, 21}));
+    EXPECT_EQ(three, (Counts{3, 3, 3 * one.light_paths, 3 * one.visible_paths, 3 * one.mutations, 21,
+                             3 * one.visible_squares}));
   }
 }
 
@@ -65,9 +66,9 @@ TEST(PhotonChains, StepsFollowTheAcceptance) {
 TEST(PhotonChains, TheRuleDecidesFromWholeEpochs) {
   constexpr std::uint32_t kWidth = 4, kHeight = 3;
   const std::vector specs = {photon_chains::spec(kWidth, kHeight)};
-  const std::vector epochs = {sums_of({1, 0, 100, 10, 100, 50}, 4, kWidth, kHeight),
+  const std::vector epochs = {sums_of({1, 0, 100, 10, 100, 50, 100}, 4, kWidth, kHeight),
                               sums_of({1, 1, 100, 0, 0, 0}, 4, kWidth, kHeight),
-                              sums_of({1, 0, 100, 6, 100, 10}, 2, kWidth, kHeight)};
+                              sums_of({1, 0, 100, 6, 100, 10, 36}, 2, kWidth, kHeight)};
   const auto of_epoch = [&](std::string_view, std::uint64_t epoch) { return &epochs[epoch]; };
   const auto done = replay(chain_epochs(), specs, 5, kWidth, kHeight, of_epoch);
   ASSERT_TRUE(done.ok()) << done.error().to_string();
@@ -83,10 +84,13 @@ TEST(PhotonChains, TheRuleDecidesFromWholeEpochs) {
   ASSERT_TRUE(rule.ok());
   const auto report = rule->describe(chain_epochs(), 4, kWidth, kHeight, done->states[4], done->carry, false);
   ASSERT_TRUE(report.ok());
+  // Of 4 iterations with 10 visible paths, 4 with none, 2 with 6: the mean is 5.2.
+  const double flicker = std::sqrt((472 - 10 * 5.2 * 5.2) / 9) / 5.2;
   const std::vector<std::pair<std::string, double>> figures = {{"step size", after_2},
                                                                {"acceptance", 220.0 / 600},
                                                                {"visible fraction", 52.0 / 1000},
-                                                               {"black iterations", 4}};
+                                                               {"black iterations", 4},
+                                                               {"flicker of an iteration", flicker}};
   EXPECT_EQ(report->figures, figures);
 }
 

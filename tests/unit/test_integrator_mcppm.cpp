@@ -2,9 +2,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 
 #include "common/stages/photon_chains.h"
+#include "tests/statistical/moments.h"
 #include "tests/unit/renderer_fixture.h"
+#include "worker/integrators/mcppm/pilot.h"
 
 namespace candela {
 namespace {
@@ -140,9 +143,106 @@ TEST(Mcppm, BlackIterationsCount) {
   const auto renderer = make("mcppm", kDark, {{"radius", "0.01"}});
   const auto output = run(*renderer, kUnit);
   const photon_chains::Counts counts = counts_of(output);
-  EXPECT_EQ(counts, (photon_chains::Counts{3, 3, 3 * kSize * kSize, 0, 0, 0}));
+  EXPECT_EQ(counts, (photon_chains::Counts{3, 3, 3 * kSize * kSize, 0, 0, 0, 0}));
   EXPECT_EQ(pilot_of(*renderer).plan.find("none of a pilot's") == std::string::npos, false);
   for (const std::int64_t sum : sums(output)) ASSERT_EQ(sum, 0);
+}
+
+// Claim: the pilot's split of an iteration keeps its sum, has the least variance of the formula, and leaves
+// ten visible light paths, if the sum has room for them.
+TEST(Mcppm, SplitHasTheLeastVariance) {
+  using integrators::mcppm::IterationSize;
+  const auto variance = [](double b, double paths, double all, double pixels) {
+    return (1 - b) / (b * paths) + 10 * (pixels - 1) / (all - paths);
+  };
+  for (const double pixels : {4.0, 64.0, 4096.0})
+    for (const std::uint64_t visible : {5ULL, 40ULL, 800ULL}) {
+      const IterationSize before{100000, 300000};
+      const IterationSize split = integrators::mcppm::split_by({visible, 10000}, before, pixels);
+      const double b = static_cast<double>(visible) / 10000, paths = static_cast<double>(split.light_paths);
+      EXPECT_EQ(split.light_paths + split.mutations, before.light_paths + before.mutations);
+      EXPECT_GE(paths * b, 9.99);
+      if (paths * b < 10.1) continue;
+      for (const double other : {0.8, 1.25}) {
+        if (other * paths >= 400000) continue;
+        EXPECT_GT(variance(b, other * paths, 400000, pixels), variance(b, paths, 400000, pixels))
+            << pixels << " " << visible;
+      }
+    }
+  const IterationSize few = integrators::mcppm::split_by({0, 4096}, {50, 50}, 64);
+  EXPECT_EQ(few.light_paths, 100U);
+  EXPECT_EQ(few.mutations, 0U);
+}
+
+// Claim: split=pilot renders what the plan tells, with the same sum of light paths and mutations, on any
+// number of threads.
+TEST(Mcppm, PilotSplitsAnIteration) {
+  const auto renderer =
+      make("mcppm", patch(3), {{"radius", "0.02"}, {"light_paths", "20"}, {"split", "pilot"}});
+  const auto one = run(*renderer, kUnit), other = run(*renderer, kUnit, 1.0 / 64, 5);
+  EXPECT_EQ(sums(one), sums(other));
+  const photon_chains::Counts counts = counts_of(one);
+  EXPECT_EQ(counts.light_paths / 3 + counts.mutations / 3, 2 * 5120U);
+  EXPECT_LT(counts.light_paths, 3 * 5120U);
+  const std::string plan = pilot_of(*renderer).plan;
+  EXPECT_NE(plan.find(fmt::format("an iteration has {} light paths and {} mutations", counts.light_paths / 3,
+                                  counts.mutations / 3)),
+            std::string::npos)
+      << plan;
+}
+
+// Claim: an iteration of one light path is black, or has all mutations in one chain.
+TEST(Mcppm, OneVisiblePathHasAllMutations) {
+  const auto renderer = make(
+      "mcppm", patch(8),
+      {{"radius", "0.1"}, {"light_paths", "0.001"}, {"mutations_per_path", "40"}, {"epoch_min", "1024"}});
+  const photon_chains::Counts counts = counts_of(run(*renderer, {Unit::Kind::iterations, 0, 0, 256}));
+  EXPECT_EQ(counts.iterations, 256U);
+  EXPECT_EQ(counts.light_paths, 256U);
+  EXPECT_GT(counts.visible_paths, 0U);
+  EXPECT_LT(counts.visible_paths, 256U);
+  EXPECT_EQ(counts.visible_squares, counts.visible_paths);
+  EXPECT_EQ(counts.mutations, 40 * counts.visible_paths);
+  EXPECT_EQ(counts.black_iterations, 256 - counts.visible_paths);
+}
+
+// Claim: halves tell the error: the mean of (A - B)^2 / 4 over many jobs is the variance of the jobs' images,
+// of single pixels and of the sum of all, whose flicker is common to the pixels of an iteration.
+// [metropolis-photons note, section 7]
+TEST(Mcppm, HalvesTellTheSpreadOfJobs) {
+  const char* const asked = std::getenv("CANDELA_LONG");
+  const bool is_long = asked != nullptr && std::string(asked) != "0";
+  const std::uint64_t jobs = is_long ? 1000 : 250, iterations = 2;
+  const auto renderer = make(
+      "mcppm", patch(3),
+      {{"radius", "0.02"}, {"alpha", "1"}, {"light_paths", "1"}, {"plan", "full"}, {"epoch_min", "4096"}});
+  std::vector<statistical::Moments> image(std::size_t{kSize} * kSize + 1), estimate(image.size());
+  for (std::uint64_t job = 0; job < jobs; ++job) {
+    std::vector<std::int64_t> half[2];
+    for (std::uint32_t h = 0; h < 2; ++h)
+      half[h] = sums(run(*renderer, {Unit::Kind::iterations, h, job * iterations, (job + 1) * iterations}));
+    double all[2] = {};
+    const auto add = [&](std::size_t at, double a, double b) {
+      image[at].add((a + b) / 2);
+      estimate[at].add((a - b) * (a - b) / 4);
+    };
+    for (std::size_t p = 0; p + 1 < image.size(); ++p) {
+      const double a = std::ldexp(static_cast<double>(half[0][p * film::kChannels]), -20),
+                   b = std::ldexp(static_cast<double>(half[1][p * film::kChannels]), -20);
+      add(p, a, b);
+      all[0] += a;
+      all[1] += b;
+    }
+    add(image.size() - 1, all[0], all[1]);
+  }
+  double spread = 0, told = 0;
+  for (std::size_t p = 0; p + 1 < image.size(); ++p) {
+    spread += image[p].variance();
+    told += estimate[p].mean();
+  }
+  ASSERT_GT(spread, 0);
+  EXPECT_NEAR(told / spread, 1, is_long ? 0.1 : 0.2);
+  EXPECT_NEAR(estimate.back().mean() / image.back().variance(), 1, is_long ? 0.25 : 0.5);
 }
 
 // Claim: a unit without the state of its epoch, or with other bytes, fails and names the field; so do bad
@@ -165,6 +265,7 @@ TEST(Mcppm, OthersAreRefused) {
   EXPECT_EQ(done.error().field, "named_state.decided");
   for (const auto& [name, value] : {std::pair{"mutations_per_path", "-1"},
                                     {"mutations_per_path", "2000"},
+                                    {"split", "half"},
                                     {"step", "0"},
                                     {"step", "0.6"},
                                     {"epoch_min", "3"},

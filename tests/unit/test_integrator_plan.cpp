@@ -98,6 +98,15 @@ TEST(IntegratorPlan, NotesLightFoundByLuck) {
       EXPECT_FALSE(luck(plan) || missing(plan)) << integrator << plan;
     }
   }
+  // Lamps in mirrors alone.
+  for (const char* integrator : {"path", "bdpt", "mmlt"}) {
+    const std::string plan = plan_of(point + glass, integrator);
+    EXPECT_TRUE(missing(plan)) << plan;
+    EXPECT_NE(plan.find("no integrator finds it; give regularise=on"), std::string::npos) << plan;
+    EXPECT_FALSE(missing(plan_of(point + glass, integrator, {{"regularise", "on"}})));
+    EXPECT_FALSE(missing(plan_of(point + glass, integrator, {{"max_depth", "1"}})));
+  }
+  EXPECT_FALSE(missing(plan_of(lamp + glass, "bdpt")));
   EXPECT_TRUE(luck(plan_of(lamp + matt + glass, "path", {{"max_depth", "3"}})));
   EXPECT_FALSE(luck(plan_of(lamp + matt + glass, "path", {{"max_depth", "2"}})));
   EXPECT_FALSE(luck(plan_of(lamp + matt + glass, "bdpt", {{"max_depth", "3"}})));

@@ -268,6 +268,125 @@ TEST(Regularised, FilmsDoNotDependOnUnits) {
   }
 }
 
+// The setting of a first radius that is this one to the bit; empty if no number is.
+std::string radius_setting(const Built& scene, double first) {
+  double setting = first / scene.radius;
+  for (int i = 0; i < 4; ++i) setting = std::nextafter(setting, 0.0);
+  for (int i = 0; i < 9 && setting * scene.radius != first; ++i) setting = std::nextafter(setting, 1.0);
+  return setting * scene.radius == first ? fmt::format("{:.17g}", setting) : "";
+}
+// A first radius near 0.1 of the scene's that a setting gives, as settings give those of these numbers.
+double given_by_settings(const Built& scene, const std::vector<std::uint64_t>& numbers) {
+  for (int i = 0; i < 10000; ++i) {
+    const double first = scene.radius * (0.1 + 1e-6 * i);
+    if (std::ranges::all_of(numbers, [&](std::uint64_t n) {
+          return !radius_setting(scene, transport::bandwidth(first, n, 1.0 / 6)).empty();
+        }))
+      return first;
+  }
+  throw std::runtime_error("no such radius");
+}
+// Sums of the film of one unit.
+std::vector<std::int64_t> film_of(const Built& scene, const std::string& integrator,
+                                  const SettingsMap& settings, const Unit& unit) {
+  const test::TextFiles files({{"scene.xml", scene.xml}});
+  JobSettings job;
+  job.integrator = integrator;
+  job.width = job.height = 16;
+  const auto renderer = test::make_renderer(files, job, settings);
+  const NamedState state = test::state_at(*renderer, test::kFilmScaleLog2);
+  auto output = renderer->make_output(state);
+  const auto done = renderer->run(unit, {state, {}, {}}, output, {1});
+  if (!done.ok()) throw std::runtime_error(done.error().to_string());
+  const std::int64_t* sums = output.film->sums();
+  return {sums, sums + output.film->layout().pixel_count() * 3};
+}
+
+// Claim: each iteration of either half has the radius that the function of its index in the job gives: its
+// film is that of a job whose radius stays at this one.
+TEST(Regularised, EachIterationHasTheRadiusOfItsIndex) {
+  const Built scene = scene_t(30);
+  for (const std::string integrator : {"path", "bdpt"}) {
+    bool any = false;
+    for (const auto& [half, index] :
+         {std::pair{0U, 0ULL}, {1U, 0ULL}, {0U, 3ULL}, {1U, 4ULL}, {1U, 700ULL}, {0U, 250000ULL}}) {
+      const std::uint64_t number = global_iteration(half, index);
+      const double first = given_by_settings(scene, {0, number});
+      const Unit unit{Unit::Kind::iterations, half, index, index + 1};
+      const auto falls =
+          film_of(scene, integrator,
+                  {{"regularise", "on"}, {"regularise_radius", radius_setting(scene, first)}}, unit);
+      const auto stays = film_of(
+          scene, integrator,
+          {{"regularise", "on"},
+           {"regularise_exponent", "0"},
+           {"regularise_radius", radius_setting(scene, transport::bandwidth(first, number, 1.0 / 6))}},
+          unit);
+      EXPECT_EQ(falls, stays) << integrator << " " << half << " " << index;
+      any |= std::ranges::any_of(falls, [](std::int64_t v) { return v > 0; });
+    }
+    EXPECT_TRUE(any) << integrator;
+  }
+}
+
+// Claim: each segment of a chain has the radius of the epoch of mutations that it begins in: film and record
+// are those of a job whose radius stays at this one. Threads leave no trace.
+TEST(Regularised, EachSegmentHasTheRadiusOfItsEpoch) {
+  const Built scene = scene_t(30);
+  const double first = given_by_settings(scene, {0, 1, 2});
+  constexpr std::uint32_t kChains = 4;
+  constexpr std::uint64_t kMutations = 5008;  // of a segment: 64 * 313 / 4
+  for (const std::string integrator : {"pssmlt", "mmlt"}) {
+    const auto make = [&](double radius, const char* exponent) {
+      const test::TextFiles files({{"scene.xml", scene.xml}});
+      JobSettings job;
+      job.integrator = integrator;
+      job.width = job.height = 8;
+      return test::make_renderer(files, job,
+                                 {{"regularise", "on"},
+                                  {"regularise_radius", radius_setting(scene, radius)},
+                                  {"regularise_exponent", exponent},
+                                  {"max_depth", "3"},
+                                  {"chains", std::to_string(kChains)},
+                                  {"bootstrap", "20000"},
+                                  {"mutations", "313"}});
+    };
+    const auto falls = make(first, fmt::format("{:.17g}", 1.0 / 6).c_str());
+    NamedState state = test::state_at(*falls, test::kFilmScaleLog2);
+    render::UnitOutput output;
+    const auto booted = falls->run({Unit::Kind::bootstrap, 0, 0, 20000}, {}, output, {1});
+    ASSERT_TRUE(booted.ok()) << booted.error().to_string();
+    chains::BootstrapTable table(20000);
+    ASSERT_TRUE(table.insert(0, output.table).ok());
+    state.bootstrap_b = table.normalisation().b;
+    ASSERT_GT(state.bootstrap_b, 0) << integrator;
+    const auto starts = table.choose_starts(kChains, 7);
+    std::vector<chains::ChainStart> chain_starts;
+    for (std::uint32_t i = 0; i < kChains / 2; ++i) chain_starts.push_back({starts[2 * i], {}});
+    for (std::uint64_t segment = 0; segment < 5; ++segment) {
+      const double radius = transport::bandwidth(first, segment * kMutations / 10000, 1.0 / 6);
+      const Unit unit{Unit::Kind::segments, 0, segment * (kChains / 2), (segment + 1) * (kChains / 2)};
+      const auto run = [&](const render::Renderer& renderer, unsigned threads) {
+        auto one = renderer.make_output(state);
+        const auto done = renderer.run(unit, {state, {}, chain_starts}, one, {threads});
+        if (!done.ok()) throw std::runtime_error(done.error().to_string());
+        return one;
+      };
+      const auto one = run(*falls, 1), stays = run(*make(radius, "0"), 1), threads = run(*falls, 3);
+      const std::size_t values = one.film->layout().pixel_count() * 3 * one.film->layout().layers;
+      for (const auto* other : {&stays, &threads}) {
+        EXPECT_TRUE(std::equal(one.film->sums(), one.film->sums() + values, other->film->sums()))
+            << integrator << " " << segment;
+        EXPECT_EQ(one.records, other->records) << integrator << " " << segment;
+      }
+      for (std::size_t i = 0; i < one.records.size(); ++i) {
+        ASSERT_EQ(one.records[i].counts.mutations, (segment + 1) * kMutations);
+        chain_starts[i].record = one.records[i];
+      }
+    }
+  }
+}
+
 // Claim: a scene whose light techniques can sample has the same film with the option on, to the bit, and the
 // plan says that nothing is mollified, and why.
 TEST(Regularised, ScenesThatCanBeSampledStayAsTheyAre) {

@@ -12,16 +12,18 @@ namespace candela::integrators {
 
 namespace {
 
+// Mirrors or glass. Surfaces that let light pass straight on focus none.
+bool bends_light(const scene::SceneFeatures& features) {
+  const auto has = [&](const char* kind) { return features.bsdf_kinds.contains(kind); };
+  return features.any_delta_bsdf &&
+         (has("conductor") || has("dielectric") || has("plastic") || has("coating"));
+}
 // The scene has paths that end as `finds` cannot: light, glass, a matt surface, the eye; with glass between
 // the last two if light paths are connected.
 bool hides_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds) {
   const std::uint32_t edges = finds == Finds::eye_paths ? 3 : 4;
-  const auto has = [&](const char* kind) { return features.bsdf_kinds.contains(kind); };
-  // Surfaces that let light pass straight on focus none.
-  const bool bends =
-      features.any_delta_bsdf && (has("conductor") || has("dielectric") || has("plastic") || has("coating"));
   const bool rests = !features.all_bsdfs_delta || features.any_scattering_medium;
-  return features.emitters > 0 && max_depth >= edges && bends && rests;
+  return features.emitters > 0 && max_depth >= edges && bends_light(features) && rests;
 }
 std::string_view over(Finds finds) {
   return finds == Finds::eye_paths
@@ -33,9 +35,14 @@ std::string_view over(Finds finds) {
 
 std::string missing_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds,
                           Mollifies mollifies) {
-  if (!features.any_delta_emitter || mollifies == Mollifies::always ||
-      !hides_light(features, max_depth, finds))
-    return {};
+  if (!features.any_delta_emitter || mollifies == Mollifies::always) return {};
+  if (!hides_light(features, max_depth, finds)) {
+    // Lamps in mirrors: connections to a lens with an area find them, and nothing else does.
+    const bool seen = finds == Finds::connections && features.finite_lens;
+    if (mollifies != Mollifies::if_asked || max_depth < 2 || !bends_light(features) || seen) return {};
+    return "of points and directions over mirrors or glass straight to the eye: no integrator finds it; give "
+           "regularise=on, which blurs it";
+  }
   return fmt::format(
       "of points and directions {}: this integrator never finds it; {}{}", over(finds),
       finds == Finds::eye_paths ? "take vcm, or bdpt for what the eye sees directly" : "take vcm",
@@ -57,14 +64,16 @@ std::string missing_light(const scene::SceneFeatures& features, std::string_view
   std::from_chars(text.data(), text.data() + text.size(), depth);
   return missing_light(features, depth < 0 ? estimators::kNoDepthLimit : static_cast<std::uint32_t>(depth),
                        from_eye ? Finds::eye_paths : Finds::connections,
-                       setting("regularise") == "on" ? Mollifies::always : Mollifies::if_asked);
+                       !settings.contains("regularise") ? Mollifies::never
+                       : setting("regularise") == "on"  ? Mollifies::always
+                                                        : Mollifies::if_asked);
 }
 
 void note_lucky_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds,
                       Mollifies mollifies, Plan& plan) {
-  if (!hides_light(features, max_depth, finds)) return;
   if (std::string missing = missing_light(features, max_depth, finds, mollifies); !missing.empty())
     plan.note(std::string(kMissingLight), std::move(missing));
+  if (!hides_light(features, max_depth, finds)) return;
   const bool uneven = features.any_environment && features.environment_variation >= 1;
   if (features.any_area_emitter || uneven)
     plan.note(std::string(kLuckyLight),

@@ -48,6 +48,7 @@ Result<StateReport> describe_photon_chains(const EpochPlan& /*plan*/, std::uint6
   report.figures.emplace_back("acceptance", share(all.accepted, all.mutations));
   report.figures.emplace_back("visible fraction", share(all.visible_paths, all.light_paths));
   report.figures.emplace_back("black iterations", static_cast<double>(all.black_iterations));
+  report.figures.emplace_back("flicker of an iteration", photon_chains::flicker(all));
   return report;
 }
 

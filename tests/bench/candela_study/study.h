@@ -83,6 +83,7 @@ Result<Results> run_mis_scenes(const Request& request);
 Result<Results> run_fppm_scenes(const Request& request);
 Result<Results> run_lag(const Request& request);
 Result<Results> run_metropolis_photons(const Request& request);
+Result<Results> run_regularisation(const Request& request);
 Result<Results> run_upbp_nsd(const Request& request);
 Result<Results> run_upbp_scenes(const Request& request);
 Result<Results> run_vcmplus_table(const Request& request);

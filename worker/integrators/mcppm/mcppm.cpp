@@ -1,5 +1,6 @@
 #include "worker/integrators/mcppm/mcppm.h"
 
+#include <algorithm>
 #include <string>
 #include <utility>
 #include <vector>
@@ -21,7 +22,9 @@
 namespace candela::integrators {
 namespace {
 
-constexpr std::string_view kKind = "mcp1";  // of the decision: the radius, and 1 if chains run
+// Of the decision: the radius, and 1 if chains run; with split=pilot the light paths and mutations of an
+// iteration, too.
+constexpr std::string_view kKind = "mcp1", kSplitKind = "mcs1";
 
 // Least and largest distance of a mutation [Kelemen 2002, Sec. 3.2].
 mcmc::StepSizes step_sizes(double step) {
@@ -45,12 +48,16 @@ class McppmIntegrator final : public IterationIntegrator {
     merging::note_radius(radius, context, decision.plan);
     CANDELA_ASSIGN(const mcppm::VisibleFraction fraction,
                    mcppm::visible_fraction(planned_.between, context, iterations_, radius.value, run));
-    const bool chains =
-        mcppm::decide_chains(fraction, merging::light_path_count(iterations_.merge, context),
-                             mutation_count(context), settings_.common.full_plan(), decision.plan);
-    DecisionWriter out(kKind);
+    mcppm::IterationSize size = size_by_setting(context);
+    if (splits()) size = mcppm::split_by(fraction, size, static_cast<double>(context.width) * context.height);
+    const bool chains = mcppm::decide_chains(fraction, size, settings_.common.full_plan(), decision.plan);
+    DecisionWriter out(splits() ? kSplitKind : kKind);
     out.real(radius.value);
     out.count(chains ? 1 : 0);
+    if (splits()) {
+      out.count(size.light_paths);
+      out.count(size.mutations);
+    }
     decision.bytes = out.bytes();
     return decision;
   }
@@ -83,7 +90,7 @@ class McppmIntegrator final : public IterationIntegrator {
     CANDELA_ASSIGN(const double step,
                    photon_chains::step_of(state == input.states.end() ? std::string_view() : state->second));
     return with_between(planned_.between, [&](auto between) {
-      return run_chains<between()>(context, unit, decided.radius, step_sizes(step), output, run);
+      return run_chains<between()>(context, unit, decided, step_sizes(step), output, run);
     });
   }
 
@@ -91,32 +98,41 @@ class McppmIntegrator final : public IterationIntegrator {
   struct Decided {
     double radius;
     bool chains;
+    mcppm::IterationSize split;  // with split=pilot
   };
-  static Result<Decided> read(std::string_view bytes) {
-    DecisionReader in(bytes, kKind);
-    const double radius = in.real(merging::kLeastRadius, merging::kGreatestRadius);
-    const bool chains = in.count(2) == 1;
+  bool splits() const { return settings_.split.value == "pilot"; }
+  Result<Decided> read(std::string_view bytes) const {
+    DecisionReader in(bytes, splits() ? kSplitKind : kKind);
+    Decided decided{};
+    decided.radius = in.real(merging::kLeastRadius, merging::kGreatestRadius);
+    decided.chains = in.count(2) == 1;
+    if (splits()) {
+      constexpr std::uint64_t kEnd = 1ULL << 48;
+      decided.split.light_paths = std::max<std::uint64_t>(1, in.count(kEnd));
+      decided.split.mutations = in.count(kEnd);
+    }
     CANDELA_TRY(in.done());
-    return Decided{radius, chains};
+    return decided;
   }
 
-  std::uint64_t mutation_count(const UnitContext& context) const {
-    const auto paths = static_cast<double>(merging::light_path_count(iterations_.merge, context));
-    return static_cast<std::uint64_t>(settings_.mutations_per_path * paths + 0.5);
+  mcppm::IterationSize size_by_setting(const UnitContext& context) const {
+    const std::uint64_t paths = merging::light_path_count(iterations_.merge, context);
+    return {paths,
+            static_cast<std::uint64_t>(settings_.mutations_per_path * static_cast<double>(paths) + 0.5)};
   }
 
   template <transport::Between kBetween>
-  Result<void> run_chains(const UnitContext& context, const Unit& unit, double radius, mcmc::StepSizes steps,
-                          UnitOutput& output, const RunContext& run) const {
+  Result<void> run_chains(const UnitContext& context, const Unit& unit, const Decided& decided,
+                          mcmc::StepSizes steps, UnitOutput& output, const RunContext& run) const {
     using Eye = estimators::PpmEye<kBetween, transport::ConstantScale>;
     using mcppm::Block;
     const estimators::Techniques& techniques = iterations_.techniques;
-    const std::uint64_t path_count = merging::light_path_count(iterations_.merge, context),
-                        mutations = mutation_count(context);
+    const mcppm::IterationSize size = splits() ? decided.split : size_by_setting(context);
+    const std::uint64_t path_count = size.light_paths, mutations = size.mutations;
     const auto paths = static_cast<double>(path_count);
     const estimators::PathCounts counts{static_cast<double>(context.width) * context.height, paths,
                                         static_cast<float>(context.filter.radius())};
-    const merging::ProgressiveScales<transport::Unweighted> scales(iterations_.merge, radius, paths,
+    const merging::ProgressiveScales<transport::Unweighted> scales(iterations_.merge, decided.radius, paths,
                                                                    techniques);
     film::UnitFilm& film = *output.film;
     mcppm::GatherPlaces places;
@@ -162,8 +178,9 @@ class McppmIntegrator final : public IterationIntegrator {
                     UnitOutput& output) {
     if (output.accumulators.empty()) return;
     film::Tallies tallies;
-    photon_chains::add({1, visible == 0 ? 1U : 0U, light_paths, visible, mutations, accepted}, key,
-                       *output.accumulators[0], context.width, tallies);
+    photon_chains::add(
+        {1, visible == 0 ? 1U : 0U, light_paths, visible, mutations, accepted, visible * visible}, key,
+        *output.accumulators[0], context.width, tallies);
     output.film->count(tallies);
   }
 

@@ -56,8 +56,18 @@ Result<VisibleFraction> visible_fraction(transport::Between between, const UnitC
   });
 }
 
-bool decide_chains(const VisibleFraction& fraction, std::uint64_t light_paths, std::uint64_t mutations,
-                   bool full, Plan& plan) {
+IterationSize split_by(const VisibleFraction& fraction, const IterationSize& size, double pixels) {
+  constexpr double kCorrelation = 10;  // tau
+  const double all = static_cast<double>(size.light_paths) + static_cast<double>(size.mutations);
+  const double b = std::max(fraction.value(), 1 / static_cast<double>(fraction.light_paths));
+  const double c1 = (1 - b) / b, c2 = kCorrelation * std::max(pixels - 1, 0.0);
+  const double best = c1 + c2 > 0 ? std::sqrt(c1) / (std::sqrt(c1) + std::sqrt(c2)) : 1;
+  const double paths = std::clamp(std::max(best * all, kFewestVisible / b), 1.0, std::max(all, 1.0));
+  const auto light_paths = static_cast<std::uint64_t>(paths + 0.5);
+  return {light_paths, size.light_paths + size.mutations - light_paths};
+}
+
+bool decide_chains(const VisibleFraction& fraction, const IterationSize& size, bool full, Plan& plan) {
   const std::string found =
       fraction.visible == 0
           ? fmt::format("none of a pilot's {} light paths is visible to eye paths", fraction.light_paths)
@@ -69,8 +79,8 @@ bool decide_chains(const VisibleFraction& fraction, std::uint64_t light_paths, s
     return false;
   }
   plan.use("chains of visible photons", fmt::format("{}; an iteration has {} light paths and {} mutations",
-                                                    found, light_paths, mutations));
-  const double expected = fraction.value() * static_cast<double>(light_paths);
+                                                    found, size.light_paths, size.mutations));
+  const double expected = fraction.value() * static_cast<double>(size.light_paths);
   if (expected < kFewestVisible)
     plan.note(
         "visible light paths",

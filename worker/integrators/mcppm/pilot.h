@@ -27,9 +27,17 @@ Result<VisibleFraction> visible_fraction(transport::Between between, const UnitC
                                          const merging::IterationOptions& options, double radius,
                                          const RunContext& run);
 
-// Decides, and says so in the plan. full: whoever asks for everything gets chains. mutations: of an
-// iteration.
-bool decide_chains(const VisibleFraction& fraction, std::uint64_t light_paths, std::uint64_t mutations,
-                   bool full, Plan& plan);
+// Work of an iteration.
+struct IterationSize {
+  std::uint64_t light_paths = 0, mutations = 0;
+};
+// The same sum of both, split so that the variance of a pixel is least if one of the visible light paths in
+// `pixels` goes to it: N : M = sqrt((1 - b) / b) : sqrt(tau (pixels - 1)), tau = 10. At least kFewestVisible
+// of the light paths are visible if the sum allows it, and one is traced. [metropolis-photons note, section
+// 8]
+IterationSize split_by(const VisibleFraction& fraction, const IterationSize& size, double pixels);
+
+// Decides, and says so in the plan. full: whoever asks for everything gets chains.
+bool decide_chains(const VisibleFraction& fraction, const IterationSize& size, bool full, Plan& plan);
 
 }  // namespace candela::integrators::mcppm

@@ -12,6 +12,7 @@ struct McppmSettings {
   merging::MergeSettings merge{integrator_words::kMcppm};
   Choice photons{"all", {"all", "caustics"}};
   double mutations_per_path = 1;
+  Choice split{"setting", {"setting", "pilot"}};
   double step = 1.0 / 64;
   adaptive::EpochSettings epochs;
 
@@ -24,6 +25,8 @@ struct McppmSettings {
           "caustics: stores and shows only light that comes to a vertex from a specular vertex");
     visit("mutations_per_path", mutations_per_path, NumberRange{0, 1024},
           "mutations of an iteration, per light path; 0: no chains, as ppm");
+    visit("split", split,
+          "pilot: splits the sum of light paths and mutations anew, by the visible fraction that it finds");
     visit(
         "step", step, NumberRange{photon_chains::kLeastStep, photon_chains::kMostStep},
         "largest distance by which a mutation moves a random number, until an epoch's acceptance decides it");
