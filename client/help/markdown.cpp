@@ -33,22 +33,15 @@ constexpr std::string_view kIntroduction =
     "| 2 | bad usage or input: a retry will not help |\n"
     "| 3 | the master cannot be reached, or is overloaded: try again |\n| 128+n | ended by signal n |\n";
 
-// A '|' would end a table's cell.
-std::string cell(const std::string& text) {
-  std::string out;
-  for (const char c : text) out += c == '|' ? std::string("\\|") : std::string(1, c);
-  return out;
-}
-
 std::string row(const OptionEntry& option) {
   std::string names;
   for (const std::string& name : option.names) names += (names.empty() ? "" : ", ") + name;
   if (!option.value.empty()) names += (names.empty() ? "" : " ") + option.value;
-  return fmt::format("| `{}` | {} |\n", cell(names), cell(option.text));
+  return fmt::format("- `{}`: {}\n", names, option.text);
 }
 
-std::string table(const std::string& rows) {
-  return rows.empty() ? "" : "\n| | |\n|---|---|\n" + rows;
+std::string list(const std::string& rows) {
+  return rows.empty() ? "" : "\n" + rows;
 }
 
 // Rows that several commands have stand once, before the commands: of each option the row that most have.
@@ -86,7 +79,7 @@ std::string help_markdown(std::span<const CommandEntry> commands) {
   const SharedRows shared(commands);
   std::string page(kIntroduction);
   page += "\n## Options of several commands\n\nEach command names the options that it has.\n" +
-          table(shared.rows());
+          list(shared.rows());
   for (const CommandEntry& command : commands) {
     page += fmt::format("\n## candela {}\n\n{}.\n\n    {} [OPTIONS]\n", command.name, command.text,
                         command.usage());
@@ -97,7 +90,7 @@ std::string help_markdown(std::span<const CommandEntry> commands) {
       else
         own += row(option);
     }
-    page += table(own);
+    page += list(own);
     if (!also.empty()) page += fmt::format("\nAlso, as above: {}.\n", also);
     if (command.examples.empty()) continue;
     page += command.examples.size() > 1 ? "\nExamples:\n\n" : "\nExample:\n\n";

@@ -99,7 +99,7 @@ std::string markdown(const Lines& lines) {
   return result.empty() ? "" : "\n" + result;
 }
 
-// Parameters that at least three plugins of a category have with one meaning stand once, before the plugins.
+// Parameters that several plugins of a category have with one meaning stand once, before the plugins.
 class SharedParameters {
  public:
   explicit SharedParameters(std::span<const PluginRule> category) {
@@ -112,7 +112,7 @@ class SharedParameters {
       for (const PropertyRule& rule : plugin.properties) {
         const std::string meaning = meaning_of(rule);
         const std::size_t count = counts[{rule.name, meaning}];
-        if (count < 3 || count < most[rule.name] || !meanings_.emplace(rule.name, meaning).second) continue;
+        if (count < 2 || count < most[rule.name] || !meanings_.emplace(rule.name, meaning).second) continue;
         add(count == category.size() ? of_all_ : of_some_, rule);
         if (count == category.size()) all_.insert(rule.name);
       }

@@ -95,9 +95,7 @@ TEST(Help, ReferenceHasEveryOptionOfEveryCommand) {
     for (const OptionEntry& option : command.options) {
       const std::string name = option.positional() ? option.value : option.names.back();
       EXPECT_NE(own.find(name), std::string::npos) << command.name << " " << name;
-      std::string text = option.text;
-      for (std::size_t at = 0; (at = text.find('|', at)) != std::string::npos; at += 2) text.insert(at, "\\");
-      const std::string meaning = "` | " + text + " |\n";
+      const std::string meaning = "`: " + option.text + "\n";
       EXPECT_TRUE(own.find(meaning) != std::string::npos || shared.find(meaning) != std::string::npos)
           << command.name << " " << name;
     }

@@ -39,7 +39,7 @@ std::string warnings_of(const std::string& body, const std::string& version = "3
   return text;
 }
 
-// Claim: each unknown plugin is read as the scene that the table in docs/scenes-lenient.md says, which is
+// Claim: each unknown plugin is read as the scene that docs/scenes-lenient.md says, which is
 // strictly valid; without --lenient it is one error.
 TEST(DescriptionLenient, UnknownPluginsAreReplaced) {
   const struct {
