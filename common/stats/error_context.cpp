@@ -22,7 +22,7 @@ ErrorContext context_of(const SettingsMap& settings, std::string_view plan) {
   context.expected_bias = kOfPhotons;
   if (context.connects)
     context.expected_bias = kWithConnections;
-  else if (settings.contains("kappa"))
+  else if (settings.contains("r_max"))
     context.expected_bias = kOfBalancedRadii;
   else if (settings.contains("alpha_f") || settings.contains("alpha_chi"))
     context.expected_bias = kOfKeptRadii;
