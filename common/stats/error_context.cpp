@@ -6,6 +6,7 @@ namespace candela::stats {
 
 ErrorContext context_of(const SettingsMap& settings, std::string_view plan) {
   constexpr double kAdaptive = 2.0 / 3;
+  constexpr double kWithConnections = 1.0 / 3, kOfPhotons = 3, kOfBalancedRadii = 1.5, kOfKeptRadii = 6;
   if (!settings.contains("radius")) return {};  // what merges has one
   const auto has = [&](std::string_view words) { return plan.find(words) != std::string_view::npos; };
   const bool all = has("use  everything");
@@ -18,6 +19,13 @@ ErrorContext context_of(const SettingsMap& settings, std::string_view plan) {
   ErrorContext context;
   context.connects = has("use  connections");
   context.alpha = context.connects ? alpha : (1 + alpha) / 2;
+  context.expected_bias = kOfPhotons;
+  if (context.connects)
+    context.expected_bias = kWithConnections;
+  else if (settings.contains("r_max"))
+    context.expected_bias = kOfBalancedRadii;
+  else if (settings.contains("alpha_f") || settings.contains("alpha_chi"))
+    context.expected_bias = kOfKeptRadii;
   return context;
 }
 

@@ -205,7 +205,7 @@ double excess(const std::vector<Bands::Band>& bands) {
 }
 
 struct Blur {
-  double value = 0, excess = 0;
+  double value = 0, error = 0;  // an estimate, which may be below 0, and its standard error
 };
 
 // The bias of merging, from how the image moves: the product of what either half tells has no noise in its
@@ -225,7 +225,44 @@ Blur blur_of(const Movement::Bias& bias, const Row& weights, const Row& sizes) {
     pixels += sizes[block];
   }
   const double values = pixels * film::kChannels;
-  return {std::max(0.0, sum) / values, kNormal * std::sqrt(squares) / values};
+  return {sum / values, std::sqrt(squares) / values};
+}
+
+struct Posterior {
+  double mean = 0, upper = 0;  // `upper`: exceeded with probability kTail
+};
+
+// The bias b >= 0 by Bayes' rule. Its estimate is normal. Its prior is of Pareto's kind [Lomax 1954],
+//   p(b) = (1 + b / expected)^-3 * 2 / expected,
+// of mean `expected`: a few times as much is likely enough for an image that tells so to be believed, and
+// what cannot be told from the noise is no larger than expected. The integral is over log(1 + b / expected).
+Posterior posterior_of(const Blur& blur, double expected) {
+  const double known = std::max(0.0, blur.value);
+  if (!(blur.error > 0) || !(expected > 0) || !std::isfinite(blur.value) || !std::isfinite(blur.error))
+    return {known, known};
+  constexpr std::size_t kSteps = 256;
+  constexpr double kErrors = 8;  // to each side
+  const double from = std::log1p(std::max(0.0, blur.value - kErrors * blur.error) / expected);
+  const double step = (std::log1p((known + kErrors * blur.error) / expected) - from) / kSteps;
+  const auto bias_at = [&](double steps) { return expected * std::expm1(from + step * steps); };
+  std::array<double, kSteps> weights{};  // logarithms at first
+  for (std::size_t i = 0; i < kSteps; ++i) {
+    const double middle = static_cast<double>(i) + 0.5, errors = (bias_at(middle) - blur.value) / blur.error;
+    weights[i] = -2 * (from + step * middle) - errors * errors / 2;
+  }
+  const double most = *std::max_element(weights.begin(), weights.end());
+  double sum = 0, mean = 0;
+  for (std::size_t i = 0; i < kSteps; ++i) {
+    weights[i] = std::exp(weights[i] - most);
+    sum += weights[i];
+    mean += weights[i] * bias_at(static_cast<double>(i) + 0.5);
+  }
+  mean /= sum;
+  double above = 0;
+  std::size_t i = kSteps;
+  while (i > 0 && above <= kTail * sum) above += weights[--i];
+  const double upper = bias_at(static_cast<double>(i) + (above - kTail * sum) / weights[i]);
+  return {mean, std::max(mean, upper)};
 }
 
 // 1 / denominator of the blocks without the light that merging has carried there: where photons leak into
@@ -367,21 +404,25 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
   result.noise = (noise + of_factor) / values;
   Movement::Bias bias;
   if (context.alpha < 1 && context.movement != nullptr) bias = context.movement->bias(blocks, context.alpha);
-  Blur blur = blur_of(bias, weights, sizes);
-  if (context.connects) blur.excess = std::min(blur.excess, result.noise);
-  // As far as it stands out of its uncertainty: what may be chance is in the upper end alone.
-  result.blur = blur.value > 0 ? blur.value * blur.value / (blur.value + blur.excess) : 0;
-  result.relmse = result.noise + result.blur;
   result.unseen = (halves.chains ? kUnseenByChains : kUnseen) * result.noise;
-  const double spread = (1 + result.unseen / result.noise) * excess(bands.finish()) / values;
-  result.upper = result.noise + blur.value + result.unseen + std::hypot(spread, blur.excess);
+  // Independent samples have found too rarely also what makes the spread.
+  const double spread = (halves.chains ? 1 : 1 + kUnseen) * excess(bands.finish()) / values;
+  const auto upper_end = [&](double noise_there, const Posterior& blur) {
+    return noise_there + result.unseen + blur.mean + std::hypot(spread, blur.upper - blur.mean);
+  };
+  Posterior blur;
+  if (!bias.a.empty())
+    blur = posterior_of(blur_of(bias, weights, sizes), context.expected_bias * result.noise);
+  result.blur = blur.mean;
+  result.relmse = result.noise + result.blur;
+  result.upper = upper_end(result.noise, blur);
   if (!bias.a.empty() && !context.connects) {
     const Row without = weights_without(bias, blocks, values_of_blocks);
-    const Blur more = blur_of(bias, without, sizes);
     double more_noise = of_factor;
     for (std::size_t i = 0; i < block_values; ++i) more_noise += variances_of_blocks[i] * without[i];
-    result.upper = std::max(
-        result.upper, more_noise / values + more.value + result.unseen + std::hypot(spread, more.excess));
+    more_noise /= values;
+    const Posterior more = posterior_of(blur_of(bias, without, sizes), context.expected_bias * more_noise);
+    result.upper = std::max(result.upper, upper_end(more_noise, more));
   }
   return result;
 }

@@ -10,7 +10,7 @@ struct ErrorInterval {
   double relmse = 0;  // the estimate: noise + blur
   double upper = 0;   // of the 95 % interval
   double noise = 0;   // relMSE of the image's variance
-  double blur = 0;    // relMSE of the bias of merging, as far as it is known; 0 where nothing merges
+  double blur = 0;    // relMSE of the bias of merging, as is expected of it; 0 where nothing merges
   double unseen = 0;  // what `upper` has for light that was found too rarely to be in the variance
   double rmse = 0;    // root of the mean variance
   double mean = 0;
@@ -21,9 +21,9 @@ struct ErrorInterval {
 struct ErrorContext {
   // The bias of merging goes as i^(alpha - 1) over the iterations. 1: nothing merges, or radii stay.
   double alpha = 1;
-  // Connections find most light and merging the rest, so that its bias, as far as it is not known, is taken
-  // to be no larger than the noise.
-  bool connects = false;
+  // Bias of merging over noise that is expected before the image tells any: the mean of the prior.
+  double expected_bias = 3;
+  bool connects = false;               // connections find most light, merging the rest
   const Movement* movement = nullptr;  // of the image up to now
 };
 

@@ -103,8 +103,8 @@ std::vector<CoverageRow> coverage_rows(const CoverageScene& scene, const std::st
     row.truth /= values;
     row.reference /= values;
     row.by_own_image /= values;
-    const stats::ErrorInterval shown =
-        stats::error_interval(stats::halves_of(h), {point.alpha, point.connects, &movement});
+    const stats::ErrorInterval shown = stats::error_interval(
+        stats::halves_of(h), {point.alpha, point.expected_bias, point.connects, &movement});
     row.relmse = shown.relmse;
     row.upper = shown.upper;
     row.noise = shown.noise;

@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kMagic = "CANHALF2";
+constexpr std::string_view kMagic = "CANHALF3";
 constexpr std::uint64_t kFileLimitBytes = 1ULL << 32;
 
 std::vector<std::string> all_but_light() {
@@ -96,6 +96,7 @@ std::string encode(const std::vector<CoveragePoint>& points) {
     const stats::HalfImages& h = point.halves;
     put(out, point.spp);
     put(out, point.alpha);
+    put(out, point.expected_bias);
     put(out, std::uint64_t{point.connects});
     put(out, h.width);
     put(out, h.height);
@@ -118,6 +119,7 @@ std::optional<std::vector<CoveragePoint>> decode(std::string_view bytes) {
     CoveragePoint& point = points.emplace_back();
     point.spp = reader.get<std::uint64_t>();
     point.alpha = reader.get<double>();
+    point.expected_bias = reader.get<double>();
     point.connects = reader.get<std::uint64_t>() != 0;
     stats::HalfImages& h = point.halves;
     h.width = reader.get<std::uint32_t>();
@@ -140,7 +142,7 @@ Result<CoveragePoint> point_of(Estimator& estimator, const RunSpec& run, std::ui
   (void)cost;
   CANDELA_ASSIGN(stats::HalfImages halves, estimator.halves());
   const stats::ErrorContext context = stats::context_of(run.job.integrator_settings, estimator.plan());
-  return CoveragePoint{spp, context.alpha, context.connects, std::move(halves)};
+  return CoveragePoint{spp, context.alpha, context.expected_bias, context.connects, std::move(halves)};
 }
 
 Result<std::vector<CoveragePoint>> render(const CoverageScene& scene, const std::string& integrator,

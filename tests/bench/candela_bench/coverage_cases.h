@@ -32,7 +32,7 @@ std::vector<CoverageScene> coverage_scenes();
 // The image after `spp` samples a pixel, with those before it.
 struct CoveragePoint {
   std::uint64_t spp = 0;
-  double alpha = 1;  // stats::ErrorContext's
+  double alpha = 1, expected_bias = 0;  // stats::ErrorContext's
   bool connects = false;
   stats::HalfImages halves;
 };
