@@ -14,6 +14,7 @@
 #include "common/description/unpacked_files.h"
 #include "common/edits/edits.h"
 #include "common/film/layers.h"
+#include "common/job/tools.h"
 #include "common/letters/automaton.h"
 #include "common/letters/request.h"
 #include "common/stages/decision.h"
@@ -310,11 +311,12 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   scene::Scene::Options options;
   options.isa = settings.isa;
   options.build_threads = threads;
-  options.film_width = settings.width;
-  options.film_height = settings.height;
-  options.crop = settings.crop;
+  const tools::CameraFilm camera = tools::camera_film(settings);
+  options.film_width = camera.width;
+  options.film_height = camera.height;
+  options.crop = camera.crop;
   options.textures = textures;
-  options.named = !settings.layers.empty();
+  options.named = !settings.layers.empty() || settings.integrator == tools::kVolume;  // recorded paths
   description::LetterObjects described;
   if (!settings.layers.empty() || !settings.edits.empty())
     described = description::letter_objects(*description.scene);
