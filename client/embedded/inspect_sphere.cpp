@@ -7,14 +7,12 @@
 #include <limits>
 #include <ostream>
 
-#include "client/commands/waiting.h"
 #include "client/embedded/commands.h"
+#include "client/embedded/inspect_farm.h"
 #include "client/embedded/inspect_figures.h"
 #include "client/embedded/inspect_scene.h"
-#include "client/embedded/passing_folder.h"
 #include "client/output.h"
 #include "client/scene_name.h"
-#include "client/submission.h"
 #include "client/values.h"
 #include "common/base/files.h"
 #include "common/image/false_color.h"
@@ -171,7 +169,6 @@ JobSettings map_settings(JobSettings job, const MapRequest& request, const inspe
   job.crop.reset();
   job.filter = "box";
   job.filter_settings.clear();
-  job.layers = session.selects() ? letters::text_of(session.request()) : std::string();
   return job;
 }
 
@@ -180,35 +177,17 @@ Result<int> map_on_farm(Context& context, const SphereOptions& options, const Ma
                         const OpenedScene& opened, LoadedScene scene, RadianceMap& map) {
   const inspect::Session& session = *opened.session;
   CANDELA_TRY(inspect::check_medium(session, request.probe));
-  scene.job.settings = map_settings(std::move(scene.job.settings), request, session);
-  CANDELA_ASSIGN(scene.job.settings.integrator_settings,
-                 context.facts.complete_settings(scene.job.settings.integrator, {},
-                                                 scene.job.settings.integrator_settings));
-  scene.job.stop = {};
-  scene.job.stop.iterations = request.spp;
-  scene.job.indices = {};
-  CANDELA_ASSIGN(const std::unique_ptr<FarmClient> farm, connect(options.farm));
-  Submission submission;
-  submission.name = fmt::format("sphere of {}", scene_name(options.inspect.scene.scene));
-  Submitted submitted;
-  {
-    ProgressLine progress(context.err, ProgressLine::mode_for(options.quiet));
-    CANDELA_ASSIGN(submitted, submit_scene(*farm, scene, context.facts, submission, progress));
-  }
-  context.err << fmt::format("candela: job {}\n", printable(submitted.job_id)) << std::flush;
-  CANDELA_ASSIGN(const PassingFolder folder, PassingFolder::make());
-  const std::string file = (folder.path() / "map.exr").string();
-  const WaitOptions wait{.quiet = options.quiet, .output = {file, {}}};
-  CANDELA_ASSIGN(const int code, wait_for_job(context, *farm, submitted.job_id, wait));
-  if (code != 0) return code;
-  CANDELA_ASSIGN(image::Image image, session.selects()
-                                         ? image::read_layer(file, session.request().layers.front().name)
-                                         : image::read_image(file));
-  map.width = image.width;
-  map.height = image.height;
-  map.rgb = std::move(image.rgb);
-  CANDELA_ASSIGN(const v1::JobStatus job, farm->get_job(submitted.job_id));
-  for (const v1::RejectedSamples& rejected : job.rejected()) map.not_finite += rejected.count();
+  InspectJob job{.name = fmt::format("sphere of {}", scene_name(options.inspect.scene.scene)),
+                 .settings = map_settings(scene.job.settings, request, session),
+                 .iterations = request.spp,
+                 .quiet = options.quiet};
+  CANDELA_ASSIGN(JobImage made,
+                 run_inspect_job(context, options.farm, std::move(job), std::move(scene), session));
+  if (made.code != 0) return made.code;
+  map.width = made.image.width;
+  map.height = made.image.height;
+  map.rgb = std::move(made.image.rgb);
+  map.not_finite += made.rejected;
   inspect::integrate_map(request.probe, map);
   return 0;
 }

@@ -7,14 +7,19 @@
 #include <ostream>
 
 #include "client/embedded/commands.h"
+#include "client/embedded/inspect_farm.h"
 #include "client/embedded/inspect_scene.h"
 #include "client/embedded/volume_figures.h"
 #include "client/output.h"
+#include "client/scene_name.h"
 #include "client/values.h"
 #include "common/base/files.h"
 #include "common/base/memory_limit.h"
+#include "common/job/tools.h"
 #include "common/wire/json_values.h"
+#include "worker/inspect/path_sampling.h"
 #include "worker/inspect/volume.h"
+#include "worker/integrators/volume/cell_film.h"
 #include "worker/loaders/volume_output.h"
 
 namespace candela::client {
@@ -27,8 +32,16 @@ using wire::Json;
 
 struct VolumeOptions {
   InspectOptions inspect;
+  FarmOptions farm;
   std::optional<std::string> box, resolution, pixels, spp, output, png, slices, axis, map;
-  bool eye_edges = false, logarithmic = false, json = false;
+  bool eye_edges = false, logarithmic = false, json = false, quiet = false;
+};
+
+// The numbers beside the grid.
+struct VolumeNumbers {
+  Vec3d mean, crossing;                        // as VolumeReport has them
+  std::optional<std::uint64_t> contributions;  // not known of a job
+  std::uint64_t not_finite = 0, too_large = 0;
 };
 
 // The options that can be read without the scene.
@@ -143,7 +156,7 @@ double largest_luminance(const loaders::VolumeData& data) {
 }
 
 void print_volume(Context& context, const VolumeOptions& options, const VolumeRequest& request,
-                  const VolumeReport& report, const loaders::VolumeData& data) {
+                  const VolumeNumbers& report, const loaders::VolumeData& data) {
   const CellGrid& grid = request.grid;
   const auto color = [](Vec3d v) { return Json::array({v.x, v.y, v.z}); };
   const double mean = volume_luminance(report.mean), crossing = volume_luminance(report.crossing);
@@ -156,21 +169,22 @@ void print_volume(Context& context, const VolumeOptions& options, const VolumeRe
                        {"select", options.inspect.select ? Json(*options.inspect.select) : Json(nullptr)},
                        {"mean", color(report.mean)},
                        {"crossing", color(report.crossing)},
-                       {"contributions", report.paths},
+                       {"contributions", report.contributions ? Json(*report.contributions) : Json(nullptr)},
                        {"maximum_luminance", largest_luminance(data)},
                        {"not_finite", report.not_finite},
                        {"too_large", report.too_large}};
     context.out << wire::json_text(json) << '\n';
     return;
   }
-  if (report.paths == 0) {
+  if (report.crossing == Vec3d()) {
     context.out << "no light of this kind crosses the box\n";
     return;
   }
   context.out << fmt::format(
-      "{}x{}x{} cells: {:.1f} % of the light of the pixels crosses the box, in {} contributions; largest "
-      "luminance of a cell {:.4g}",
-      grid.size[0], grid.size[1], grid.size[2], mean > 0 ? 100 * crossing / mean : 0.0, report.paths,
+      "{}x{}x{} cells: {:.1f} % of the light of the pixels crosses the box{}; largest luminance of a cell "
+      "{:.4g}",
+      grid.size[0], grid.size[1], grid.size[2], mean > 0 ? 100 * crossing / mean : 0.0,
+      report.contributions ? fmt::format(", in {} contributions", *report.contributions) : "",
       largest_luminance(data));
   if (report.not_finite > 0) context.out << fmt::format("; {} contributions not finite", report.not_finite);
   if (report.too_large > 0) context.out << fmt::format("; {} contributions too large", report.too_large);
@@ -182,18 +196,98 @@ Result<void> write_figure(const std::string& file, const image::Figure& figure) 
   return write_file_atomically(file, png);
 }
 
+Result<void> volume_here(const VolumeRequest& request, const OpenedScene& opened, loaders::VolumeData& data,
+                         VolumeNumbers& numbers) {
+  CANDELA_ASSIGN(VolumeReport report, inspect::inspect_volume(*opened.session, request));
+  numbers = {report.mean, report.crossing, report.paths, report.not_finite, report.too_large};
+  CANDELA_ASSIGN(data, inspect::volume_data(request, report));
+  return {};
+}
+
+// The settings of the job that makes the grid (worker/integrators/volume/settings.h).
+JobSettings grid_settings(JobSettings job, const VolumeRequest& request) {
+  job.integrator = tools::kVolume;
+  tools::set_camera_film(job);
+  const CellGrid& grid = request.grid;
+  SettingsMap& settings = job.integrator_settings;
+  const std::array<const char*, 3> axes = {"x", "y", "z"};
+  for (std::size_t a = 0; a < 3; ++a) {
+    const auto axis = static_cast<int>(a);
+    settings[fmt::format("low_{}", axes[a])] = fmt::format("{}", grid.low[axis]);
+    settings[fmt::format("high_{}", axes[a])] = fmt::format("{}", grid.high[axis]);
+    settings[fmt::format("cells_{}", axes[a])] = fmt::format("{}", grid.size[a]);
+  }
+  const inspect::PixelRect& pixels = request.pixels;
+  for (const auto& [name, value] : {std::pair{"pixel_x0", pixels.x0},
+                                    {"pixel_y0", pixels.y0},
+                                    {"pixel_x1", pixels.x1},
+                                    {"pixel_y1", pixels.y1}})
+    settings[name] = fmt::format("{}", value);
+  settings["eye_edges"] = request.eye_edges ? "true" : "false";
+  job.width = integrators::cell_film_width(grid);
+  job.height = integrators::cell_film_height(grid);
+  job.crop.reset();
+  return job;
+}
+
+// Makes the grid by a job on a farm. Exit code: 0, the job's, or 128+n where a signal ended the waiting.
+Result<int> volume_on_farm(Context& context, const VolumeOptions& options, const VolumeRequest& request,
+                           const OpenedScene& opened, LoadedScene scene, loaders::VolumeData& data,
+                           VolumeNumbers& numbers) {
+  const CellGrid& grid = request.grid;
+  // What a job would refuse after it was submitted.
+  CANDELA_TRY(inspect::PathSampling::create(*opened.session, request.pixels, request.spp));
+  if (grid.count() + integrators::kCellFilmSums > Limits::max_pixels)
+    return usage_error(
+               fmt::format("a job has at most {} cells", Limits::max_pixels - integrators::kCellFilmSums))
+        .with_field("--resolution")
+        .with_mend("give fewer cells");
+  InspectJob job{.name = fmt::format("volume of {}", scene_name(options.inspect.scene.scene)),
+                 .settings = grid_settings(scene.job.settings, request),
+                 .iterations = request.spp,
+                 .quiet = options.quiet};
+  CANDELA_ASSIGN(const JobImage made,
+                 run_inspect_job(context, options.farm, std::move(job), std::move(scene), *opened.session));
+  if (made.code != 0) return made.code;
+  numbers.not_finite = made.rejected;
+  const auto pixels = static_cast<double>(request.pixels.count());
+  const auto sum = [&](integrators::CellFilmSum which) {
+    const float* rgb = made.image.rgb.data() + 3 * integrators::cell_film_pixel(grid, which);
+    return Vec3d(rgb[0], rgb[1], rgb[2]) * (1 / pixels);
+  };
+  numbers.mean = sum(integrators::CellFilmSum::light);
+  numbers.crossing = sum(integrators::CellFilmSum::crossing);
+  return within_memory("there is no room for the grid", [&]() -> Result<int> {
+    const Vec3d cell = grid.cell();
+    const double each = integrators::cell_film_unit(grid) / cell.x / cell.y / cell.z / pixels;
+    data.size = grid.size;
+    data.channels = 3;
+    data.low = Vec3(grid.low);
+    data.high = Vec3(grid.high);
+    for (std::size_t i = 0; i < 3 * grid.count(); ++i)
+      data.values.push_back(static_cast<float>(static_cast<double>(made.image.rgb[i]) * each));
+    return 0;
+  });
+}
+
 Result<int> run_volume(Context& context, const VolumeOptions& options) {
   CANDELA_ASSIGN(VolumeChoice choice, choose_volume(options));
-  CANDELA_ASSIGN(const OpenedScene opened, open_for_inspection(context, options.inspect, "bdpt"));
+  LoadedScene loaded;
+  CANDELA_ASSIGN(const OpenedScene opened, open_for_inspection(context, options.inspect, "bdpt", &loaded));
   CANDELA_TRY(check_no_spot(opened));
   VolumeRequest& request = choice.request;
   CANDELA_ASSIGN(request.pixels, pixels_on_film(choice.pixels, opened, "--pixels"));
   if (!options.spp) request.spp = usual_spp(request.pixels);
   request.threads = opened.threads;
-  CANDELA_ASSIGN(VolumeReport report, inspect::inspect_volume(*opened.session, request));
-  auto made = inspect::volume_data(request, report);
-  if (!made.ok()) return std::move(made).error();
-  const loaders::VolumeData& data = *made;
+  loaders::VolumeData data;
+  VolumeNumbers numbers;
+  if (options.farm.master) {
+    CANDELA_ASSIGN(const int code,
+                   volume_on_farm(context, options, request, opened, std::move(loaded), data, numbers));
+    if (code != 0) return code;
+  } else {
+    CANDELA_TRY(volume_here(request, opened, data, numbers));
+  }
   return within_memory("the grid cannot be written", [&]() -> Result<int> {
     if (options.output) {
       std::string bytes;
@@ -206,7 +300,7 @@ Result<int> run_volume(Context& context, const VolumeOptions& options) {
     }
     if (options.png) CANDELA_TRY(write_figure(*options.png, draw_projection(data, choice.pictures)));
     if (options.slices) CANDELA_TRY(write_figure(*options.slices, draw_slices(data, choice.pictures)));
-    print_volume(context, options, request, report, data);
+    print_volume(context, options, request, numbers, data);
     return 0;
   });
 }
@@ -215,10 +309,11 @@ Result<int> run_volume(Context& context, const VolumeOptions& options) {
 
 void add_inspect_volume(CLI::App& inspect, Context& context) {
   auto options = std::make_shared<VolumeOptions>();
-  CLI::App* sub = inspect.add_subcommand("volume",
-                                         "Show the light of the image in space: paths of bidirectional path "
-                                         "tracing on this machine, by the cells "
-                                         "of a box that they cross");
+  CLI::App* sub =
+      inspect.add_subcommand("volume",
+                             "Show the light of the image in space: paths of bidirectional path "
+                             "tracing by the cells of a box that they cross, on this machine, or on a "
+                             "farm with --master");
   add_inspect_options(*sub, options->inspect);
   sub->add_option("--box", options->box, "Two corners of the box, in the coordinates of the scene")
       ->required()
@@ -248,6 +343,8 @@ void add_inspect_volume(CLI::App& inspect, Context& context) {
   add_text(*sub, "--map", options->map, "Color map: viridis (default), turbo, grey or heat", "MAP");
   sub->add_flag("--log", options->logarithmic, "Use a logarithmic scale");
   sub->add_flag("--json", options->json, "Print JSON");
+  sub->add_flag("--quiet", options->quiet, "Print no progress");
+  add_farm_options(*sub, options->farm);
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_volume(context, *options); };
   });

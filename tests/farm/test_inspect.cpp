@@ -12,37 +12,49 @@
 namespace candela::farm {
 namespace {
 
-std::vector<std::string> sphere_of(const std::string& file, const std::vector<std::string>& more) {
-  std::vector<std::string> words = {"inspect", "sphere",      scene_path("cornell"),
-                                    "--at",    "0.2,0.9,0.1", "--radius",
-                                    "0.1",     "--map-size",  "48x24",
-                                    "--spp",   "60",          "--seed",
-                                    "7",       "-o",          file,
-                                    "--json"};
+const std::string kEdit =
+    R"({"edits": [{"name": "a", "direction": "light", "select": "LX*X", "tint": [1, 0.5, 0.25]}]})";
+
+struct Tool {
+  std::string name;
+  std::vector<std::string> words;
+  std::string ending;                  // of the file
+  std::vector<std::string> estimates;  // members of the report that are not those of other samples to the bit
+  double relative;                     // error that they may have; coarse maps have one of their pixels
+  bool samples_are_pixels = true;      // of the film, which the audit counts
+};
+
+std::vector<std::string> command_of(const Tool& tool, const std::string& file,
+                                    const std::vector<std::string>& more) {
+  std::vector<std::string> words = {"inspect"};
+  words.insert(words.end(), tool.words.begin(), tool.words.end());
+  words.insert(words.end(), {"--seed", "7", "-o", file, "--json"});
   words.insert(words.end(), more.begin(), more.end());
   return words;
 }
 
-class InspectOnFarm : public testing::TestWithParam<std::vector<std::string>> {};
+class InspectOnFarm : public testing::TestWithParam<Tool> {};
 
-// Claim: the map of a job has the same bytes with one worker, and with three of which one is killed together
-// with the master; and its integral is that of the map that one machine makes without a farm.
-TEST_P(InspectOnFarm, MapsAreTheSameOfAnyWorkers) {
+// Claim: what a job makes has the same bytes with one worker, and with three of which one is killed together
+// with the master; and its sums are those of what one machine makes without a farm.
+TEST_P(InspectOnFarm, IsTheSameOfAnyWorkers) {
   Farm farm;
-  const auto path = [&](const std::string& name) { return (farm.folder().path() / name).string(); };
+  const Tool& tool = GetParam();
+  const auto path = [&](const std::string& name) {
+    return (farm.folder().path() / (name + tool.ending)).string();
+  };
   const auto bytes = [&](const std::string& name) { return *read_file(path(name), std::uint64_t{1} << 30); };
   farm.start_master({"--unit-time", "0.02", "--checkpoint-interval", "0.05", "--lease-time", "2"});
   Process& victim = farm.start_worker("victim");
-  std::vector<std::string> more = GetParam();
-  const CommandResult here = farm.candela(sphere_of(path("here.exr"), more));
+  const CommandResult here = farm.candela(command_of(tool, path("here"), {}));
   ASSERT_EQ(here.exit_code, 0) << here.err;
-  more.insert(more.end(), {"--master", farm.address(), "--quiet"});
-  const CommandResult one = farm.candela(sphere_of(path("one.exr"), more));
+  const std::vector<std::string> remotely = {"--master", farm.address(), "--quiet"};
+  const CommandResult one = farm.candela(command_of(tool, path("one"), remotely));
   ASSERT_EQ(one.exit_code, 0) << one.err;
 
   farm.start_worker("second");
   farm.start_worker("third");
-  const auto three = farm.start_candela(sphere_of(path("three.exr"), more), "three");
+  const auto three = farm.start_candela(command_of(tool, path("three"), remotely), "three");
   const auto job = [&] {
     const std::string said = three->err();
     const std::size_t at = said.find("candela: job ");
@@ -55,62 +67,45 @@ TEST_P(InspectOnFarm, MapsAreTheSameOfAnyWorkers) {
   victim.kill();
   farm.restart_master();
   ASSERT_EQ(three->wait(kPatienceSeconds).value_or(-1), 0) << three->err();
-  farm.audit(job(), 60);
-  EXPECT_EQ(bytes("three.exr"), bytes("one.exr"));
+  EXPECT_EQ(farm.job(job()).iterations(), 60u);
+  if (tool.samples_are_pixels) farm.audit(job(), 60);
+  EXPECT_EQ(bytes("three"), bytes("one"));
 
   const auto local = nlohmann::json::parse(here.out), remote = nlohmann::json::parse(one.out);
-  for (const char* integral : {"fluence", "irradiance"}) {
-    ASSERT_EQ(local[integral].is_null(), remote[integral].is_null());
-    if (local[integral].is_null()) continue;
+  for (const std::string& name : tool.estimates)
     for (std::size_t c = 0; c < 3; ++c) {
-      const double expected = local[integral][c];
-      EXPECT_NEAR(remote[integral][c].get<double>(), expected, 0.05 * expected) << integral << ' ' << c;
+      const double expected = local.at(name).at(c);
+      EXPECT_NEAR(remote.at(name).at(c).get<double>(), expected, tool.relative * expected)
+          << name << ' ' << c;
       EXPECT_GT(expected, 0);
     }
-  }
-  EXPECT_EQ(remote["not_finite"], 0);
+  EXPECT_EQ(remote.at("not_finite"), 0);
 }
-INSTANTIATE_TEST_SUITE_P(, InspectOnFarm,
-                         testing::Values(std::vector<std::string>{},
-                                         std::vector<std::string>{"--select", "LX+E"}),
-                         [](const auto& one) { return one.param.empty() ? "all" : "selected"; });
-
-// Claim: a disk on the surface that a pixel shows, with edits, has on a farm the irradiance that it has
-// without.
-TEST(InspectFarm, DisksHaveTheirIrradiance) {
-  Farm farm;
-  farm.start_master_here();
-  farm.start_worker_here("one", 2);
-  std::vector<std::string> words = {
-      "inspect",
-      "sphere",
-      scene_path("cornell"),
-      "--pixel",
-      "20,26",
-      "--size",
-      "48x32",
-      "--disc",
-      "--map-size",
-      "64x32",
-      "--spp",
-      "64",
-      "-o",
-      (farm.folder().path() / "d.exr").string(),
-      "--json",
-      "--edits",
-      R"({"edits": [{"name": "a", "direction": "light", "select": "LX*X", "tint": [1, 0.5, 0.25]}]})"};
-  const CommandResult here = farm.candela(words);
-  ASSERT_EQ(here.exit_code, 0) << here.err;
-  words.insert(words.end(), {"--master", farm.address(), "--quiet"});
-  const CommandResult there = farm.candela(words);
-  ASSERT_EQ(there.exit_code, 0) << there.err;
-  const auto local = nlohmann::json::parse(here.out), remote = nlohmann::json::parse(there.out);
-  for (std::size_t c = 0; c < 3; ++c) {
-    const double expected = local["irradiance"][c];
-    EXPECT_NEAR(remote["irradiance"][c].get<double>(), expected, 0.05 * expected) << c;
-    EXPECT_GT(expected, 0);
-  }
-}
+INSTANTIATE_TEST_SUITE_P(
+    , InspectOnFarm,
+    testing::Values(Tool{"sphere",
+                         {"sphere", scene_path("cornell"), "--at", "0.2,0.9,0.1", "--radius", "0.1",
+                          "--map-size", "48x24", "--spp", "60", "--select", "LX+E"},
+                         ".exr",
+                         {"fluence"},
+                         0.05},
+                    // On the surface that a pixel shows, with an edit.
+                    Tool{"disc",
+                         {"sphere", scene_path("cornell"), "--pixel", "20,26", "--size", "48x32", "--disc",
+                          "--map-size", "48x24", "--spp", "60", "--edits", kEdit},
+                         ".exr",
+                         {"fluence", "irradiance"},
+                         0.1},
+                    // Light of some pixels of a part of the image.
+                    Tool{"volume",
+                         {"volume", scene_path("cornell"), "--box", "-1,0,-1,1,2,1", "--resolution", "12",
+                          "--size", "48x32", "--crop", "8,0,32,32", "--pixels", "4,4,27,27", "--spp", "60",
+                          "--select", "LX+E", "--edits", kEdit},
+                         ".vol",
+                         {"mean", "crossing"},
+                         0.1,
+                         false}),
+    [](const auto& one) { return one.param.name; });
 
 }  // namespace
 }  // namespace candela::farm

@@ -276,7 +276,8 @@ TEST_F(InspectScene, Crops) {
   EXPECT_LT(std::hypot(whole_error, crop_error), 0.02 * whole);
 }
 
-// Claim: with an edit the sphere and the paths show other light, that of a render with the edit.
+// Claim: with an edit the sphere shows the light of a render with the edit; all tools refuse edits that they
+// would not show.
 TEST_F(InspectScene, Edits) {
   const std::string file = scene(std::string(kSensor) + kFloor + kSky);
   const std::string edits =
@@ -291,6 +292,17 @@ TEST_F(InspectScene, Edits) {
   EXPECT_EQ(edited.green(2, 1), 1.0f);
   EXPECT_NEAR(plain.green(2, 7), 0.5, 0.05);
   EXPECT_NEAR(edited.green(2, 7), 0.25, 0.03);
+  const std::string by_path =
+      R"({"edits": [{"name": "dim", "direction": "light", "select": "LXX{floor}", "scale": 0.5}]})";
+  for (std::vector<std::string> words :
+       {std::vector<std::string>{"sphere", file, "--at", "0,1,0", "-o", in_folder("map.exr")},
+        {"paths", file, "--pixels", "0,0,1,1"},
+        {"volume", file, "--box", "0,0,0,1,1,1", "-o", in_folder("grid.vol")}}) {
+    words.insert(words.end(), {"--edits", by_path});
+    const Outcome refused = run(words);
+    EXPECT_NE(refused.code, 0) << words[0];
+    EXPECT_NE(refused.err.find("more of the path than the edited vertex"), std::string::npos) << refused.err;
+  }
 }
 
 // Claim: the grid is written as .vol and as OpenVDB, with pictures, and what is said of it is true of the

@@ -150,8 +150,41 @@ TEST(EditedWalks, AreOneBsdfFromBothEnds) {
   }
 }
 
+// The floor as the last vertex of a walk that comes from the panel.
+class LastAtFloor {
+ public:
+  explicit LastAtFloor(bool from_light)
+      : from_light_(from_light), mode_(from_light ? kImportance : kRadiance) {
+    floor_->hit.shape = 1;
+    floor_->bsdfs[0].prepare(floor_->hit, wo_, arena_, plain_);
+    float pdf = 0;
+    all_ = plain_.eval_pdf(wo_, wi_, mode_, pdf).r;
+  }
+  // The share of the walk's light for the end behind the floor.
+  float share(const EditedWalk& at_panel) const {
+    EditedWalk walk(at_panel);
+    const Closure closure = walk.surface(floor_->hit, plain_);
+    if (from_light_)
+      walk.towards_eye();
+    else
+      walk.towards_lamp(0);
+    float pdf = 0;
+    return closure.eval_pdf(wo_, wi_, mode_, pdf).r / all_;
+  }
+
+ private:
+  const bool from_light_;
+  const TransportMode mode_;
+  const Vec3 wo_{0, 0, 1}, wi_ = normalize(Vec3{0.3f, 0, 1});
+  const std::unique_ptr<Edited> floor_ = make({"", kDiffuse, kTurn});
+  ClosureArena arena_;
+  Closure plain_;
+  float all_ = 0;
+};
+
 // Claim: sums over what a walk draws, by the share of each end that it may come to, are the integrals of the
-// value for that end. Fails by chance with probability below 1e-5 for each of the 96 sums.
+// value for that end: an end next to the panel, and one behind the floor, for which other edits act. Fails by
+// chance with probability below 1e-5 for each of the 96 sums.
 TEST(EditedWalks, DrawForAllEndsAtOnce) {
   constexpr int kSamples = 12000;
   for (const auto& [bsdf, light] :
@@ -162,33 +195,100 @@ TEST(EditedWalks, DrawForAllEndsAtOnce) {
         const TransportMode mode = from_light ? kImportance : kRadiance;
         const Vec3 wo = directions_from()[0];
         AtPanel at(w, from_light, by_floor, wo);
-        Sums exact;
-        meet(at, w, from_light, false);
-        over_sphere([&](Vec3 wi, double area) {
-          float pdf = 0;
-          exact.add(wi, static_cast<double>(at.closure.eval_pdf(wo, wi, mode, pdf).r), 0, area);
-        });
+        std::array<Sums, 2> exact;  // by whether the other end is the floor
+        for (const bool end_by_floor : {false, true}) {
+          meet(at, w, from_light, end_by_floor);
+          over_sphere([&](Vec3 wi, double area) {
+            float pdf = 0;
+            exact[end_by_floor].add(wi, static_cast<double>(at.closure.eval_pdf(wo, wi, mode, pdf).r), 0,
+                                    area);
+          });
+          EXPECT_GT(exact[end_by_floor].value[0], 0.1);
+        }
+        const LastAtFloor floor(from_light);
         rng::Stream stream(rng::key(91));
-        std::array<double, kTests> mean{}, squares{};
+        std::array<std::array<double, kTests>, 2> mean{}, squares{};
         for (int i = 0; i < kSamples; ++i) {
           const float u_lobe = stream.next_float(), u = stream.next_float(), v = stream.next_float();
           BsdfSample s;
           if (!at.closure.sample(wo, u_lobe, {u, v}, mode, s)) continue;
-          const Spectrum share = from_light ? at.walk.share_at_eye() : at.walk.share_at_lamp(0);
+          const std::array<float, 2> share = {
+              from_light ? at.walk.share_at_eye().r : at.walk.share_at_lamp(0).r, floor.share(at.walk)};
+          const auto t = tests_of(s.wi);
+          for (std::size_t end = 0; end < 2; ++end)
+            for (std::size_t k = 0; k < kTests; ++k) {
+              const double x = static_cast<double>(s.weight.r * share[end]) * t[k];
+              mean[end][k] += x / kSamples;
+              squares[end][k] += x * x / kSamples;
+            }
+        }
+        for (std::size_t end = 0; end < 2; ++end)
+          for (std::size_t k = 0; k < kTests; ++k)
+            EXPECT_NEAR(
+                mean[end][k], exact[end].value[k],
+                4.5 * std::sqrt(std::max(0.0, squares[end][k] - mean[end][k] * mean[end][k]) / kSamples) +
+                    6e-3 * exact[end].value[0])
+                << bsdf << light << from_light << by_floor << end << k;
+      }
+}
+
+// Claim: of delta lobes, too, a walk draws for all ends that it may come to: sums by the share of each end
+// are those of the closure that knows its edits. (Other lobes reach all directions, whatever direction they
+// are drawn from.) Fails by chance with probability below 1e-5 for each of the 64 sums.
+TEST(EditedWalks, DrawDeltaLobesForAllEnds) {
+  constexpr int kSamples = 6000;
+  const std::string mirror = "<bsdf type='conductor'/>", glass = "<bsdf type='dielectric'/>";
+  for (const auto& [bsdf, light] : {std::pair{mirror, kTurn}, std::pair{glass, kMove}})
+    for (const bool from_light : {false, true}) {
+      const Walks w(bsdf, light, kGather, false);
+      const TransportMode mode = from_light ? kImportance : kRadiance;
+      const LastAtFloor floor(from_light);
+      // Towards what kGather gathers, and elsewhere.
+      for (const Vec3 wo : {normalize(Vec3{-0.9f, 0.1f, 0.7f}), directions_from()[0]}) {
+        AtPanel at(w, from_light, false, wo);
+        const At here(*w.e, wo);
+        std::array<std::array<double, kTests>, 4> mean{}, squares{};  // by end: drawn, then of the closure
+        const auto count = [&](std::size_t row, const BsdfSample& s, float share) {
           const auto t = tests_of(s.wi);
           for (std::size_t k = 0; k < kTests; ++k) {
-            const double x = static_cast<double>(s.weight.r * share.r) * t[k];
-            mean[k] += x / kSamples;
-            squares[k] += x * x / kSamples;
+            const double x = static_cast<double>(s.weight.g * share) * t[k];
+            mean[row][k] += x / kSamples;
+            squares[row][k] += x * x / kSamples;
+          }
+        };
+        rng::Stream stream(rng::key(17));
+        for (int i = 0; i < kSamples; ++i) {
+          BsdfSample s;
+          if (at.closure.sample(wo, stream.next_float(), {0.5f, 0.5f}, mode, s)) {
+            count(0, s, from_light ? at.walk.share_at_eye().g : at.walk.share_at_lamp(0).g);
+            count(1, s, floor.share(at.walk));
+          }
+          for (const bool end_by_floor : {false, true}) {
+            // The walk's own end is next to the panel: the edits of that end do not act.
+            const auto bits = static_cast<std::uint16_t>(end_by_floor ? (from_light ? 2 : 1) : 0);
+            SurfaceEdits::Treatments treatments;
+            for (auto& lobe : treatments)
+              for (auto& t : lobe)
+                t = from_light ? SurfaceEdits::Treatment{0, bits} : SurfaceEdits::Treatment{bits, 0};
+            const Frame frame = w.e->hit.shading;
+            const EditedClosure expected{&here.plain, &w.e->scene, &treatments, frame, w.e->hit.p, {0, 0, 1}};
+            BsdfSample known;
+            if (sample(expected, wo, stream.next_float(), {0.5f, 0.5f}, mode, known))
+              count(2 + (end_by_floor ? 1 : 0), known, 1);
           }
         }
-        for (std::size_t k = 0; k < kTests; ++k)
-          EXPECT_NEAR(mean[k], exact.value[k],
-                      4.5 * std::sqrt(std::max(0.0, squares[k] - mean[k] * mean[k]) / kSamples) +
-                          6e-3 * exact.value[0])
-              << bsdf << light << from_light << by_floor << k;
-        EXPECT_GT(exact.value[0], 0.1);
+        for (std::size_t end = 0; end < 2; ++end)
+          for (std::size_t k = 0; k < kTests; ++k) {
+            const auto variance = [&](std::size_t row) {
+              return std::max(0.0, squares[row][k] - mean[row][k] * mean[row][k]) / kSamples;
+            };
+            EXPECT_NEAR(mean[end][k], mean[2 + end][k],
+                        4.5 * std::sqrt(variance(end) + variance(2 + end)) + 1e-4)
+                << bsdf << from_light << wo.x << end << k;
+          }
+        EXPECT_GT(mean[2][0], 0.1);
       }
+    }
 }
 
 }  // namespace

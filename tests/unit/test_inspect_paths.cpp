@@ -312,8 +312,9 @@ TEST(InspectPaths, BoundsWhatIsTold) {
   rules.keep = 3;
   PathSums sums(*session, rules, 1);
   for (std::size_t bounces = 1; bounces <= 9; ++bounces)
-    for (std::uint64_t i = 0; i < 5; ++i) sums.add(path_of(bounces), Spectrum(1.0f), bounces * 100 + i);
-  sums.add(path_of(1), Spectrum(std::nanf("")), 1);
+    for (std::uint64_t i = 0; i < 5; ++i)
+      sums.add(path_of(bounces), Spectrum(1.0f), bounces * 100 + i, nullptr);
+  sums.add(path_of(1), Spectrum(std::nanf("")), 1, nullptr);
   EXPECT_EQ(sums.clusters().size(), 2u);
   EXPECT_EQ(sums.other().count, 35u);
   EXPECT_EQ(sums.kept().size(), 3u);
@@ -329,9 +330,9 @@ TEST(InspectPaths, SplitsChannelsOfDifferentLetters) {
   PathSums sums(*session, rules, 1);
   RecordedPath path = path_of(1);
   path[1].letter = {letters::Letter::diffuse, letters::Letter::glossy, letters::Letter::glossy};
-  sums.add(path, {1, 2, 4}, 7);
+  sums.add(path, {1, 2, 4}, 7, nullptr);
   path[1].letter = {letters::Letter::diffuse, letters::Letter::glossy, letters::Letter::diffuse};
-  sums.add(path, {8, 16, 32}, 8);
+  sums.add(path, {8, 16, 32}, 8, nullptr);
   ASSERT_EQ(sums.clusters().size(), 2u);
   std::map<std::string, Vec3d> light;
   for (const StringGroup& group : group_strings(sums.clusters(), false, 12))
@@ -350,7 +351,7 @@ TEST(InspectPaths, SplitsTheBrightestGroupFirst) {
     RecordedPath path = path_of(std::string_view(letters).size());
     for (std::size_t i = 0; letters[i] != 0; ++i)
       path[i + 1].letter.fill(letters[i] == 'S' ? letters::Letter::specular : letters::Letter::diffuse);
-    sums.add(path, Spectrum(light), std::hash<std::string>()(letters));
+    sums.add(path, Spectrum(light), std::hash<std::string>()(letters), nullptr);
   };
   add("DDD", 4);
   add("DSS", 1);

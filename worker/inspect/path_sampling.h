@@ -1,8 +1,5 @@
 // The samples of bidirectional path tracing for some pixels, in tasks: which paths they find, each with all
 // of its vertices.
-//
-// Every technique that can make a path makes it, and the balance heuristic weighs them, so the contributions
-// of all techniques to one path add up to it once.
 #pragma once
 
 #include <algorithm>
@@ -10,8 +7,8 @@
 
 #include "common/base/result.h"
 #include "worker/estimators/options.h"
-#include "worker/inspect/recorded_path.h"
 #include "worker/inspect/session.h"
+#include "worker/integrators/volume/recorded_samples.h"
 
 namespace candela::inspect {
 

@@ -3,7 +3,6 @@
 
 #include <cstddef>
 
-#include "worker/inspect/recorded_path.h"
 #include "worker/inspect/session.h"
 
 namespace candela::inspect {

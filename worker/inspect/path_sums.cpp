@@ -69,7 +69,8 @@ PathString PathSums::string_of(const RecordedPath& path, std::size_t channel) co
   return string;
 }
 
-void PathSums::add(const RecordedPath& path, Spectrum value, std::uint64_t key) {
+void PathSums::add(const RecordedPath& path, Spectrum value, std::uint64_t key,
+                   const transport::ChannelLabels* /*labels*/) {
   if (!is_finite(value)) {
     ++not_finite_;
     return;

@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "common/letters/request.h"
-#include "worker/inspect/recorded_path.h"
 #include "worker/inspect/session.h"
 
 namespace candela::inspect {
@@ -62,7 +61,8 @@ class PathSums final : public PathConsumer {
   }
 
   // Contributions count in batch 0 until merge().
-  void add(const RecordedPath& path, Spectrum value, std::uint64_t key) override;
+  void add(const RecordedPath& path, Spectrum value, std::uint64_t key,
+           const transport::ChannelLabels* labels) override;
   // Adds sums of one batch.
   void merge(PathSums&& part, std::size_t batch);
 

@@ -74,6 +74,12 @@ Result<std::unique_ptr<Session>> Session::open(const description::FileSource& fi
   options.edits = &edits;
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene,
                  scene::Scene::build(scene_file.description, unpacked, options));
+  if (scene->objects().path_edits != nullptr)
+    return usage_error(
+               "an edit depends on more of the path than the edited vertex, and the tools of inspect keep "
+               "no states of an expression")
+        .with_field("edits")
+        .with_mend("select from the vertex alone, such as LX*S{mirror} or X{wall}X*E, or render the image");
   // An expression may name what the scene left out, such as a black lamp.
   std::vector<letters::ObjectNames> names = scene->objects().names;
   std::vector<std::uint8_t> uses = scene->objects().uses;

@@ -17,9 +17,17 @@
 #include "common/letters/request.h"
 #include "worker/core/vec.h"
 #include "worker/film/filter.h"
+#include "worker/integrators/volume/cell_grid.h"
+#include "worker/integrators/volume/recorded_path.h"
 #include "worker/scene/scene.h"
 
 namespace candela::inspect {
+
+using integrators::CellGrid;
+using integrators::PathConsumer;
+using integrators::PathVertex;
+using integrators::PixelRect;
+using integrators::RecordedPath;
 
 // Light that matches `expression` is selected.
 struct Selection {
@@ -69,12 +77,6 @@ class Session {
   letters::LayerRequest request_;
   bool selects_;
   std::vector<std::uint32_t> object_of_name_;
-};
-
-// Pixels of the film, both corners included.
-struct PixelRect {
-  std::uint32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;
-  std::uint64_t count() const { return (std::uint64_t{x1} - x0 + 1) * (std::uint64_t{y1} - y0 + 1); }
 };
 
 }  // namespace candela::inspect

@@ -9,6 +9,7 @@
 #include "worker/inspect/parallel.h"
 #include "worker/inspect/path_sampling.h"
 #include "worker/inspect/path_selection.h"
+#include "worker/integrators/volume/cell_film.h"
 
 namespace candela::inspect {
 namespace {
@@ -30,7 +31,8 @@ class CellConsumer final : public PathConsumer {
   CellConsumer(const Session& session, const CellGrid& grid, double factor, bool eye_edges, CellSums& cells)
       : session_(session), grid_(grid), factor_(factor), eye_edges_(eye_edges), cells_(cells) {}
 
-  void add(const RecordedPath& path, Spectrum value, std::uint64_t /*key*/) override {
+  void add(const RecordedPath& path, Spectrum value, std::uint64_t /*key*/,
+           const transport::ChannelLabels* /*labels*/) override {
     const Vec3d all = as_double(value);
     if (!std::isfinite(all.x) || !std::isfinite(all.y) || !std::isfinite(all.z)) {
       ++sums_.not_finite;
@@ -43,18 +45,10 @@ class CellConsumer final : public PathConsumer {
     if (light == Vec3d()) return;
     sums_.mean += light;
     bool crosses = false, fits = true;
-    const std::size_t edges = path.size() - (eye_edges_ ? 1 : 2);
-    for (std::size_t i = 0; i < edges; ++i) {
-      const Vec3d near = Vec3d(path[i + 1].p), edge = Vec3d(path[i].p) - near;
-      const double distance = length(edge);
-      if (!(distance > 0)) continue;
-      // Light from outside comes from beyond any box.
-      const double longest = path[i].infinite ? std::numeric_limits<double>::infinity() : distance;
-      for_each_cell(grid_, near, edge * (1 / distance), longest, [&](std::uint64_t cell, double length) {
-        crosses = true;
-        fits &= add_to(cell, light * (length * factor_));
-      });
-    }
+    integrators::for_each_cell_of(grid_, path, eye_edges_, [&](std::uint64_t cell, double length) {
+      crosses = true;
+      fits &= add_to(cell, light * (length * factor_));
+    });
     if (!crosses) return;
     sums_.crossing += light;
     ++sums_.paths;
@@ -83,7 +77,8 @@ class CellConsumer final : public PathConsumer {
 // Mean brightness of a contribution, over all light.
 class MeanContribution final : public PathConsumer {
  public:
-  void add(const RecordedPath& /*path*/, Spectrum value, std::uint64_t /*key*/) override {
+  void add(const RecordedPath& /*path*/, Spectrum value, std::uint64_t /*key*/,
+           const transport::ChannelLabels* /*labels*/) override {
     const Vec3d v = as_double(value);
     const double size = std::abs(v.x) + std::abs(v.y) + std::abs(v.z);
     if (!(size > 0) || !std::isfinite(size)) return;
@@ -116,8 +111,8 @@ Result<VolumeReport> inspect_volume(const Session& session, const VolumeRequest&
     CellGrid grid = request.grid;
     grid.low = grid.low - session.scene().offset();
     grid.high = grid.high - session.scene().offset();
-    const Vec3d cell = request.grid.cell();
-    VolumeReport report{.sums = CellSums(3 * grid.count()), .unit = std::min({cell.x, cell.y, cell.z})};
+    VolumeReport report{.sums = CellSums(3 * grid.count()),
+                        .unit = integrators::cell_film_unit(request.grid)};
     MeanContribution mean;
     sampling.run(0, mean);
     report.scale_log2 = mean.scale_log2();

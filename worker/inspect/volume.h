@@ -9,7 +9,6 @@
 #include <cstdint>
 
 #include "common/base/result.h"
-#include "worker/inspect/cell_grid.h"
 #include "worker/inspect/cell_sums.h"
 #include "worker/inspect/session.h"
 #include "worker/loaders/volume.h"

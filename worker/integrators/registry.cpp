@@ -20,6 +20,7 @@
 #include "worker/integrators/upbp/upbp.h"
 #include "worker/integrators/vcm/vcm.h"
 #include "worker/integrators/vcmplus/vcmplus.h"
+#include "worker/integrators/volume/volume.h"
 
 namespace candela::integrators {
 
@@ -49,7 +50,8 @@ namespace {
 // Those of jobs of `candela inspect`: nobody chooses one for an image, so that they stand in no list.
 const std::vector<IntegratorEntry>& tool_integrators() {
   static const std::vector<IntegratorEntry> entries = {
-      integrator_entry<SphereSettings>(tools::kSphere, &make_sphere_integrator)};
+      integrator_entry<SphereSettings>(tools::kSphere, &make_sphere_integrator),
+      integrator_entry<VolumeSettings>(tools::kVolume, &make_volume_integrator)};
   return entries;
 }
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "worker/core/math.h"
+#include "worker/mcmc/path_labels.h"
 #include "worker/transport/path/serialize.h"
 
 namespace candela::mcmc {
@@ -22,8 +23,10 @@ rng::Stream stream_of(std::uint64_t key, Purpose purpose) {
 
 }  // namespace
 
-PathSpace::PathSpace(const MutatorContext& context, std::span<const MutatorShare> shares)
+PathSpace::PathSpace(const MutatorContext& context, std::span<const MutatorShare> shares,
+                     const transport::PathLetters* letters)
     : context_(context),
+      letters_(letters),
       rules_(context.rules()),
       lengths_(context.min_edges, std::max(context.min_edges, context.max_edges)),
       subpaths_(context_) {
@@ -82,7 +85,9 @@ std::optional<PathSpace::State> PathSpace::state(Path path) const {
 void PathSpace::put(const State& state, SplatList& out) const {
   const double scale = math::exp(-state.log_density) / (context_.film_width * context_.film_height);
   const auto value = [&](std::size_t c) { return static_cast<float>(state.path.contribution[c] * scale); };
-  out.add(state.path.assembled().film, {value(0), value(1), value(2)});
+  const transport::path::Assembled& whole = state.path.assembled();
+  if (out.add(whole.film, {value(0), value(1), value(2)}) && letters_ != nullptr)
+    out.label(labels_of(*letters_, context_.scene, whole.path));
 }
 
 void PathSpace::start(std::uint64_t key, SplatList& out) {

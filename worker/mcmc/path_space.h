@@ -21,6 +21,7 @@
 #include "worker/mcmc/mutators/subpaths.h"
 #include "worker/mcmc/path_lengths.h"
 #include "worker/mcmc/state_space.h"
+#include "worker/transport/letters/path_letters.h"
 
 namespace candela::mcmc {
 
@@ -37,7 +38,9 @@ struct MutatorCounts {
 
 class PathSpace final : public StateSpace {
  public:
-  PathSpace(const MutatorContext& context, std::span<const MutatorShare> shares);
+  // letters: for layers by expressions; null: nobody asks for some.
+  PathSpace(const MutatorContext& context, std::span<const MutatorShare> shares,
+            const transport::PathLetters* letters = nullptr);
 
   void start(std::uint64_t key, SplatList& out) override;
   double propose(const Mutation& mutation, SplatList& out) override;
@@ -73,6 +76,7 @@ class PathSpace final : public StateSpace {
   void put(const State& state, SplatList& out) const;
 
   const MutatorContext context_;
+  const transport::PathLetters* const letters_;
   transport::path::Rules rules_;
   PathLengths lengths_;
   Subpaths subpaths_;

@@ -14,6 +14,7 @@
 #include "common/description/unpacked_files.h"
 #include "common/edits/edits.h"
 #include "common/film/layers.h"
+#include "common/job/tools.h"
 #include "common/letters/automaton.h"
 #include "common/letters/request.h"
 #include "common/stages/decision.h"
@@ -319,9 +320,10 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   scene::Scene::Options options;
   options.isa = settings.isa;
   options.build_threads = threads;
-  options.film_width = settings.width;
-  options.film_height = settings.height;
-  options.crop = settings.crop;
+  const tools::CameraFilm camera = tools::camera_film(settings);
+  options.film_width = camera.width;
+  options.film_height = camera.height;
+  options.crop = camera.crop;
   options.textures = textures;
   options.traced = traced;
   description::LetterObjects described;
@@ -339,7 +341,8 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   CANDELA_ASSIGN(std::vector<Aov> aov_list, parse_aovs(settings.aovs));
   const bool mattes =
       std::any_of(aov_list.begin(), aov_list.end(), [](const Aov& aov) { return is_matte(aov.kind); });
-  options.named = mattes || !settings.layers.empty();
+  options.named =
+      mattes || !settings.layers.empty() || settings.integrator == tools::kVolume;  // recorded paths
   work_phase(WorkPhase::building);
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, unpacked, options));
   CANDELA_ASSIGN(letters::LayerRequest layers, layer_request(settings.layers, described));

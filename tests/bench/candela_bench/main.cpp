@@ -16,6 +16,7 @@
 #include "common/base/path_options.h"
 #include "common/base/version.h"
 #include "common/job/aov.h"
+#include "common/letters/request.h"
 #include "tests/bench/candela_bench/coverage.h"
 #include "tests/bench/candela_bench/process.h"
 #include "tests/bench/candela_bench/schedule.h"
@@ -131,7 +132,7 @@ Result<int> run(const RunOptions& options) {
 }
 
 struct CountOptions {
-  std::string scene, size, aovs;
+  std::string scene, size, aovs, layers;
   std::vector<std::string> integrators, sets;
   std::uint64_t seed = 1, iterations = 8;
 };
@@ -156,6 +157,11 @@ Result<void> count(const CountOptions& options, const std::string& integrator) {
   run.job.seed = options.seed;
   CANDELA_ASSIGN(const std::vector<Aov> aovs, parse_aovs(options.aovs));
   run.job.aovs = text_of(aovs);
+  if (!options.layers.empty()) {
+    letters::LayerRequest layers;
+    CANDELA_TRY(letters::add_layers(options.layers, layers));
+    run.job.layers = letters::text_of(layers);
+  }
   CANDELA_ASSIGN(const auto estimator, make_render_estimator(run));
   CANDELA_ASSIGN(const Cost cost, estimator->advance(options.iterations));
   end_counting();
@@ -304,6 +310,8 @@ int main(int argc, char** argv) {
                   "KEY=VALUE where an integrator has it, or INTEGRATOR.KEY=VALUE")
       ->allow_extra_args(false);
   count_command.add_option("--aov", count_options.aovs, "AOVs beside the image, as of candela render");
+  count_command.add_option("--layers", count_options.layers,
+                           "layers beside the image, as in a scene file: layer NAME=EXPR; ...");
   count_command.add_option("--seed", count_options.seed, "default: 1")->check(CLI::NonNegativeNumber);
   count_command.add_option("--iterations", count_options.iterations, "at least 2; default: 8")
       ->check(CLI::Range(2, 1 << 20));

@@ -60,7 +60,7 @@ class MltIntegrator final : public ChainIntegrator {
     return std::make_unique<mcmc::PathSpace>(
         mcmc::MutatorContext{context.scene, static_cast<double>(context.width),
                              static_cast<double>(context.height), film.border(), shortest_, longest_},
-        shares_);
+        shares_, context.letters);
   }
 
   std::uint32_t shortest_, longest_;
@@ -88,9 +88,6 @@ Result<std::unique_ptr<Integrator>> make_mlt_integrator(const SettingsMap& setti
   if (features.media > 0)
     return refuse("mlt knows no media, and the scene has some", "integrator",
                   "use bdpt, upbp, pssmlt or mmlt");
-  if (features.reads_letters)
-    return refuse("mlt has no layers by light path expressions", "layers",
-                  "use bdpt, pssmlt or mmlt, or leave out the expressions");
   if (!features.edits.empty())
     return refuse("mlt does not render edits: " + features.edits.front(), "integrator",
                   "use bdpt, pssmlt or mmlt, or leave out the edits");

@@ -1,11 +1,11 @@
-#include "worker/inspect/recording_sink.h"
+#include "worker/integrators/volume/recording_sink.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "worker/scene/objects.h"
 
-namespace candela::inspect {
+namespace candela::integrators {
 
 using letters::Letter;
 using scene::TransportMode;
@@ -17,12 +17,10 @@ constexpr std::uint64_t kLetters = 0x696e7370656374ULL;  // "inspect"
 
 }  // namespace
 
-RecordingSink::RecordingSink(const Session& session, const PixelRect& pixels, double light_paths,
-                             PathConsumer& paths)
-    : session_(session),
-      scene_(session.scene()),
-      pixels_(pixels),
-      each_light_path_(static_cast<float>(1 / light_paths)),
+RecordingSink::RecordingSink(const RecordedLight& light, PathConsumer& paths)
+    : of_(light),
+      scene_(light.scene),
+      each_light_path_(static_cast<float>(1 / light.light_paths)),
       chooses_emitter_(transport::reads_emitter_choice(scene_)),
       paths_(paths) {}
 
@@ -51,6 +49,8 @@ void RecordingSink::begin_at_lamp(std::uint32_t emitter, bool infinite, Vec3 p, 
   if (emitter == scene::kNone || (infinite && lights.is_environment(emitter)))
     emitters = transport::emitters_outside(lights, towards, next_key());
   for (std::size_t c = 0; c < 3; ++c) lamp.object[c] = scene_.objects().of_emitter[emitters[c]];
+  if (of_.letters != nullptr)
+    for (std::size_t c = 0; c < 3; ++c) states_.of[c] = of_.letters->at_lamp(emitters[c]).of[c];
   lamp.infinite = infinite;
   lamp.p = infinite ? towards : p;  // a direction until finish()
   lamp.throughput = throughput;
@@ -60,18 +60,25 @@ void RecordingSink::add_vertex(const Vertex& v, Vec3 wi, TransportMode mode, boo
   PathVertex& out = path_.emplace_back();
   out.p = v.hit.p;
   out.throughput = v.throughput;
+  const auto goes_on = [&](const transport::ChannelClasses& token) {
+    states_ = of_.letters->from_light(states_, token);
+  };
   if (!v.on_surface()) {
     out.letter.fill(Letter::volume);
     out.object.fill(scene_.objects().of_medium[v.medium]);
+    if (of_.letters != nullptr) goes_on(of_.letters->in_medium(v.medium, v.hit.p));
     return;
   }
   out.object.fill(scene_.objects().of_shape[v.hit.shape]);
   out.side = transport::side_of(v.hit, v.wo, wi);
-  if (delta)
+  if (delta) {
     out.letter.fill(Letter::specular);
-  else
-    out.letter =
-        transport::letters_of_lobes(v.hit, v.closure, v.wo, wi, mode, session_.glossy_below(), next_key()).of;
+    if (of_.letters != nullptr) goes_on(of_.letters->by_delta(v.hit, v.wo, wi));
+    return;
+  }
+  const std::uint64_t key = next_key();
+  out.letter = transport::letters_of_lobes(v.hit, v.closure, v.wo, wi, mode, of_.glossy_below, key).of;
+  if (of_.letters != nullptr) goes_on(of_.letters->by_lobes(v.hit, v.closure, v.wo, wi, mode, key));
 }
 
 void RecordingSink::add_eye_side(const Subpath& eye, const Vertex* v, Vec3 wi, bool ends) {
@@ -137,12 +144,12 @@ void RecordingSink::light(const transport::Contribution& found, std::uint32_t /*
 }
 
 float RecordingSink::filters_at(transport::FilmPosition at) const {
-  const film::PixelFilter& filter = session_.filter();
+  const film::PixelFilter& filter = of_.filter;
   const auto radius = static_cast<float>(filter.radius());
-  const float x0 = std::max(static_cast<float>(pixels_.x0), std::ceil(at.x - radius - 0.5f));
-  const float x1 = std::min(static_cast<float>(pixels_.x1), std::floor(at.x + radius - 0.5f));
-  const float y0 = std::max(static_cast<float>(pixels_.y0), std::ceil(at.y - radius - 0.5f));
-  const float y1 = std::min(static_cast<float>(pixels_.y1), std::floor(at.y + radius - 0.5f));
+  const float x0 = std::max(static_cast<float>(of_.pixels.x0), std::ceil(at.x - radius - 0.5f));
+  const float x1 = std::min(static_cast<float>(of_.pixels.x1), std::floor(at.x + radius - 0.5f));
+  const float y0 = std::max(static_cast<float>(of_.pixels.y0), std::ceil(at.y - radius - 0.5f));
+  const float y1 = std::min(static_cast<float>(of_.pixels.y1), std::floor(at.y + radius - 0.5f));
   float sum = 0;
   for (float y = y0; y <= y1; ++y)
     for (float x = x0; x <= x1; ++x) sum += filter.eval(at.x - (x + 0.5f), at.y - (y + 0.5f));
@@ -158,7 +165,9 @@ void RecordingSink::finish(Vec3 eye, Spectrum value) {
     const float reach = std::max(scene_.features().radius, 1e-3f) * 2;
     path_.front().p = path_[1].p + path_.front().p * reach;
   }
-  paths_.add(path_, value, next_key());
+  transport::ChannelLabels labels;
+  if (of_.letters != nullptr) labels = of_.letters->labels(states_, of_.letters->at_eye());
+  paths_.add(path_, value, next_key(), of_.letters != nullptr ? &labels : nullptr);
 }
 
-}  // namespace candela::inspect
+}  // namespace candela::integrators

@@ -10,7 +10,7 @@
 
 #include "worker/core/vec.h"
 
-namespace candela::inspect {
+namespace candela::integrators {
 
 struct CellGrid {
   Vec3d low, high;                      // low < high
@@ -72,4 +72,4 @@ void for_each_cell(const CellGrid& grid, Vec3d from, Vec3d direction, double lon
   }
 }
 
-}  // namespace candela::inspect
+}  // namespace candela::integrators

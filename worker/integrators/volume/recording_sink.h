@@ -6,12 +6,22 @@
 #include <vector>
 
 #include "worker/estimators/bidirectional.h"
-#include "worker/inspect/recorded_path.h"
-#include "worker/inspect/session.h"
+#include "worker/film/filter.h"
+#include "worker/integrators/volume/recorded_path.h"
 #include "worker/samplers/sampler.h"
 #include "worker/transport/letters/vertex_letter.h"
 
-namespace candela::inspect {
+namespace candela::integrators {
+
+// The paths that are recorded. What is referred to outlives the sink.
+struct RecordedLight {
+  const scene::Scene& scene;
+  const film::PixelFilter& filter;
+  PixelRect pixels;
+  double light_paths;  // traced for a sample of each pixel of `pixels`
+  float glossy_below;
+  const transport::PathLetters* letters = nullptr;  // null: nobody asks for labels
+};
 
 class RecordingSink {
  public:
@@ -19,8 +29,7 @@ class RecordingSink {
   using Subpath = transport::Subpath<transport::Balance::Block>;
   using Vertex = transport::Vertex<transport::Balance::Block>;
 
-  // light_paths: traced for a sample of each pixel of `pixels`.
-  RecordingSink(const Session& session, const PixelRect& pixels, double light_paths, PathConsumer& paths);
+  RecordingSink(const RecordedLight& light, PathConsumer& paths);
 
   // An eye ray of this weight is next.
   void start_eye(const Ray& ray, float weight, std::uint64_t key);
@@ -60,9 +69,8 @@ class RecordingSink {
   Vec3 eye_of(const Ray& ray) const;
   std::uint64_t next_key() { return key_ = rng::combine(key_, 1); }
 
-  const Session& session_;
+  const RecordedLight of_;
   const scene::Scene& scene_;
-  const PixelRect pixels_;
   const float each_light_path_;
   const bool chooses_emitter_;
   PathConsumer& paths_;
@@ -71,7 +79,8 @@ class RecordingSink {
   float ray_weight_ = 1, filters_ = 0;
   std::uint64_t key_ = 0;
   RecordedPath path_;
+  transport::ChannelStates states_;  // of path_, seen from the light
   std::vector<const Vertex*> chain_;
 };
 
-}  // namespace candela::inspect
+}  // namespace candela::integrators

@@ -8,8 +8,9 @@
 #include "common/letters/alphabet.h"
 #include "common/letters/letter.h"
 #include "worker/core/vec.h"
+#include "worker/transport/letters/path_letters.h"
 
-namespace candela::inspect {
+namespace candela::integrators {
 
 struct PathVertex {
   // By color channel: a vertex with a diffuse and a glossy lobe has letters that differ, and light of several
@@ -23,6 +24,12 @@ struct PathVertex {
   Spectrum throughput;
 };
 
+// Pixels of the film, both corners included.
+struct PixelRect {
+  std::uint32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  std::uint64_t count() const { return (std::uint64_t{x1} - x0 + 1) * (std::uint64_t{y1} - y0 + 1); }
+};
+
 // From the light to the eye.
 using RecordedPath = std::vector<PathVertex>;
 
@@ -30,8 +37,10 @@ using RecordedPath = std::vector<PathVertex>;
 class PathConsumer {
  public:
   virtual ~PathConsumer() = default;
-  // value: added to the sum over pixels and samples. key: names the contribution among all of a run.
-  virtual void add(const RecordedPath& path, Spectrum value, std::uint64_t key) = 0;
+  // value: added to the sum over pixels and samples. key: names the contribution among all of a run. labels:
+  // of the path; null: nobody asks for layers.
+  virtual void add(const RecordedPath& path, Spectrum value, std::uint64_t key,
+                   const transport::ChannelLabels* labels) = 0;
 };
 
-}  // namespace candela::inspect
+}  // namespace candela::integrators

@@ -1,0 +1,46 @@
+#include "client/embedded/inspect_farm.h"
+
+#include <fmt/format.h>
+
+#include <ostream>
+
+#include "client/commands/waiting.h"
+#include "client/embedded/passing_folder.h"
+#include "client/output.h"
+#include "client/submission.h"
+
+namespace candela::client {
+
+Result<JobImage> run_inspect_job(Context& context, const FarmOptions& options, InspectJob job,
+                                 LoadedScene scene, const inspect::Session& session) {
+  JobSettings& settings = scene.job.settings = std::move(job.settings);
+  settings.layers = session.selects() ? letters::text_of(session.request()) : std::string();
+  CANDELA_ASSIGN(settings.integrator_settings,
+                 context.facts.complete_settings(settings.integrator, {}, settings.integrator_settings));
+  scene.job.stop = {};
+  scene.job.stop.iterations = job.iterations;
+  scene.job.indices = {};
+  CANDELA_ASSIGN(const std::unique_ptr<FarmClient> farm, connect(options));
+  Submission submission;
+  submission.name = std::move(job.name);
+  Submitted submitted;
+  {
+    ProgressLine progress(context.err, ProgressLine::mode_for(job.quiet));
+    CANDELA_ASSIGN(submitted, submit_scene(*farm, scene, context.facts, submission, progress));
+  }
+  context.err << fmt::format("candela: job {}\n", printable(submitted.job_id)) << std::flush;
+  CANDELA_ASSIGN(const PassingFolder folder, PassingFolder::make());
+  const std::string file = (folder.path() / "job.exr").string();
+  const WaitOptions wait{.quiet = job.quiet, .output = {file, {}}};
+  JobImage made;
+  CANDELA_ASSIGN(made.code, wait_for_job(context, *farm, submitted.job_id, wait));
+  if (made.code != 0) return made;
+  CANDELA_ASSIGN(made.image, session.selects()
+                                 ? image::read_layer(file, session.request().layers.front().name)
+                                 : image::read_image(file));
+  CANDELA_ASSIGN(const v1::JobStatus status, farm->get_job(submitted.job_id));
+  for (const v1::RejectedSamples& rejected : status.rejected()) made.rejected += rejected.count();
+  return made;
+}
+
+}  // namespace candela::client

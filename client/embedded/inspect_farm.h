@@ -1,0 +1,31 @@
+// Jobs of `candela inspect` on a farm.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "client/context.h"
+#include "client/settings.h"
+#include "common/image/image.h"
+#include "worker/inspect/session.h"
+
+namespace candela::client {
+
+struct InspectJob {
+  std::string name;  // of the job
+  JobSettings settings;
+  std::uint64_t iterations = 0;
+  bool quiet = false;
+};
+
+struct JobImage {
+  int code = 0;                // 0, the job's exit code, or 128+n where a signal ended the waiting
+  image::Image image;          // if the code is 0: of the light that the session selects
+  std::uint64_t rejected = 0;  // samples
+};
+
+// Submits the job of the scene, waits for its end, and reads its image. session: of the scene.
+Result<JobImage> run_inspect_job(Context& context, const FarmOptions& farm, InspectJob job, LoadedScene scene,
+                                 const inspect::Session& session);
+
+}  // namespace candela::client
