@@ -54,9 +54,17 @@ struct Decider {
   std::size_t numbers = 1;  // in the bytes
 };
 const std::vector<Decider>& deciders() {
-  static const std::vector<Decider> all = {{"ppm"},     {"bpm"},          {"vcm"},  {"upbp", {}, 6},
-                                           {"fppm"},    {"mcppm", {}, 2}, {"cppm"}, {"appm"},
-                                           {"vcmplus"}, {"optimis"}};
+  static const std::vector<Decider> all = {{"ppm"},
+                                           {"bpm"},
+                                           {"vcm"},
+                                           {"upbp", {}, 6},
+                                           {"fppm"},
+                                           {"mcppm", {}, 2},
+                                           {"cppm"},
+                                           {"appm"},
+                                           {"vcmplus"},
+                                           {"optimis"},
+                                           {"erpt", {{"bootstrap", "400"}}, 2}};
   return all;
 }
 
