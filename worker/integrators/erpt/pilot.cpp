@@ -7,6 +7,7 @@
 #include <limits>
 #include <vector>
 
+#include "common/base/work_monitor.h"
 #include "common/rng/stream.h"
 #include "worker/integrators/decision_bytes.h"
 #include "worker/integrators/parallel_tasks.h"
@@ -19,6 +20,7 @@ constexpr std::string_view kKind = "erp1";
 constexpr std::uint64_t kPilot = 0x6572707470696cULL;  // "erptpil"
 constexpr std::uint64_t kChunk = 256;
 constexpr std::uint64_t kMaxLength = 1 << 20;
+constexpr double kMaxChosenLength = 1 << 16;
 constexpr std::uint64_t kFewestLit = 100;
 
 }  // namespace
@@ -36,6 +38,7 @@ Result<SeedStatistics> seed_statistics(const MakeSpace& make_space, std::uint64_
   quiet.progress = nullptr;
   CANDELA_TRY(for_each_task((samples + kChunk - 1) / kChunk, no_film, quiet,
                             [&](std::uint64_t chunk, film::Tallies& tallies) {
+                              work_step();
                               const auto space = make_space(tallies);
                               mcmc::SplatList list;
                               const std::uint64_t from = chunk * kChunk;
@@ -62,8 +65,10 @@ Energies choose_energies(const SeedStatistics& statistics, const ErptSettings& s
   Energies result;
   if (energy > 0 && std::isfinite(energy)) result.energy = energy;  // of a dark scene any will do
   const double length =
-      settings.chain_length > 0 ? settings.chain_length : std::round(settings.mutations_per_seed * k);
-  result.mutations = static_cast<std::uint64_t>(std::clamp(length, 1.0, static_cast<double>(kMaxLength)));
+      settings.chain_length > 0
+          ? settings.chain_length
+          : std::clamp(std::floor(settings.mutations_per_seed * k + 0.5), 1.0, kMaxChosenLength);
+  result.mutations = static_cast<std::uint64_t>(length);
   plan.use("energy redistribution",
            fmt::format("{:.3g} chains a seed on average, of {} mutations each; the relative variance of {} "
                        "seeds is {:.3g}",
