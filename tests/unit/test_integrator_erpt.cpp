@@ -4,7 +4,7 @@
 #include "tests/unit/renderer_fixture.h"
 #include "worker/integrators/erpt/pilot.h"
 
-namespace candela {
+namespace candela::erpt_units {
 namespace {
 
 using integrators::ErptSettings;
@@ -158,4 +158,4 @@ TEST(Erpt, OthersAreRefused) {
 }
 
 }  // namespace
-}  // namespace candela
+}  // namespace candela::erpt_units
