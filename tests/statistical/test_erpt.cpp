@@ -46,7 +46,7 @@ void expect_agreement(const std::string& what, std::string_view name, const Sett
   EXPECT_GT(verdict.tested * 2, verdict.values) << verdict.report;
 }
 
-const SettingsMap kManifold{{"lens", "0"}, {"caustic", "0"}, {"multichain", "0"}, {"manifold", "1"}};
+const SettingsMap kManifold{{"preset", "mept"}};
 
 class Erpt : public testing::TestWithParam<std::string> {};
 

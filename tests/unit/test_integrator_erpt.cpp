@@ -118,6 +118,9 @@ TEST(Erpt, PlanSaysWhatRuns) {
     EXPECT_NE(plan.find(line), std::string::npos) << plan;
   for (const char* line : {"caustic", "bidirectional:", "half_vector"})
     EXPECT_EQ(plan.find(line), std::string::npos) << plan;
+  const std::string mept = pilot_of(*make(kRoom, {{"preset", "mept"}})).plan;
+  EXPECT_NE(mept.find("use  manifold: share 1"), std::string::npos) << mept;
+  EXPECT_EQ(mept.find("use  lens"), std::string::npos) << mept;
 }
 
 // Claim: a scene without light is black, and one whose paths are all short needs no pilot.
@@ -151,6 +154,9 @@ TEST(Erpt, OthersAreRefused) {
       "erpt", {}, {{"lens", "0"}, {"caustic", "0"}, {"multichain", "0"}});
   ASSERT_FALSE(none.ok());
   EXPECT_NE(none.error().to_string().find("no mutation has a share"), std::string::npos);
+  const auto both = render::complete_integrator_settings("erpt", {}, {{"preset", "mept"}, {"lens", "0.5"}});
+  ASSERT_FALSE(both.ok());
+  EXPECT_EQ(both.error().field, "lens");
   const std::string fog =
       R"(<shape type="sphere"><point name="center" x="0" y="0" z="5"/><bsdf type="null"/>
       <medium name="interior" type="homogeneous"/></shape>)";

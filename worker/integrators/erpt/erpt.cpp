@@ -61,11 +61,8 @@ class ErptIntegrator final : public IterationIntegrator {
         direct_(std::move(direct)),
         radiance_(estimators::path_radiance_for<samplers::Sampler>(direct_.between, false)),
         shortest_(direct_options.max_depth + 1),
-        longest_(longest) {
-    for (std::size_t i = 0; i < settings.mutations.shares.size(); ++i)
-      if (settings.mutations.shares[i] > 0)
-        shares_.push_back({&mcmc::mutators()[i], settings.mutations.shares[i]});
-  }
+        longest_(longest),
+        shares_(settings.mutations.chosen()) {}
 
   Result<Decision> decide(const UnitContext& context, const RunContext& run) const override {
     // The film of an irradiance meter lies over its surface, where the lens of a camera is.
@@ -157,7 +154,7 @@ class ErptIntegrator final : public IterationIntegrator {
   const Planned direct_;
   const estimators::RadianceFunction<samplers::Sampler> radiance_;
   const std::uint32_t shortest_, longest_;
-  std::vector<mcmc::MutatorShare> shares_;
+  const std::vector<mcmc::MutatorShare> shares_;
 };
 
 }  // namespace
@@ -168,9 +165,25 @@ ErptMutations::ErptMutations() {
     shares.push_back(std::find(kUsed.begin(), kUsed.end(), entry.name) != kUsed.end() ? 1 : 0);
 }
 
+std::vector<mcmc::MutatorShare> ErptMutations::chosen() const {
+  const bool manifolds = preset.value == "mept";
+  std::vector<mcmc::MutatorShare> out;
+  for (std::size_t i = 0; i < shares.size(); ++i) {
+    const mcmc::MutatorEntry& entry = mcmc::mutators()[i];
+    const double share = !manifolds ? shares[i] : entry.name == "manifold" ? 1 : 0;
+    if (share > 0) out.push_back({&entry, share});
+  }
+  return out;
+}
+
 Result<void> check(const ErptSettings& settings) {
-  const std::vector<double>& shares = settings.mutations.shares;
-  if (std::any_of(shares.begin(), shares.end(), [](double share) { return share > 0; })) return {};
+  const std::vector<double>&shares = settings.mutations.shares, defaults = ErptMutations().shares;
+  for (std::size_t i = 0; settings.mutations.preset.value != "erpt" && i < shares.size(); ++i)
+    if (shares[i] != defaults[i])
+      return usage_error("preset = " + settings.mutations.preset.value + " has shares of its own")
+          .with_field(std::string(mcmc::mutators()[i].name))
+          .with_mend("leave out this share, or preset");
+  if (!settings.mutations.chosen().empty()) return {};
   return usage_error("no mutation has a share")
       .with_field(std::string(mcmc::mutators().front().name))
       .with_mend("give one of the mutations a share above 0");
@@ -202,10 +215,8 @@ Result<std::unique_ptr<Integrator>> make_erpt_integrator(const SettingsMap& sett
   Plan plan;
   plan.use("path tracing beside the chains", bounce ? "direct=path: paths of one and two edges are left to it"
                                                     : "emitters that the camera sees are left to it");
-  for (std::size_t i = 0; i < parsed.mutations.shares.size(); ++i)
-    if (const double share = parsed.mutations.shares[i]; share > 0)
-      plan.use(std::string(mcmc::mutators()[i].name),
-               fmt::format("share {:.3g}: {}", share, mcmc::mutators()[i].doc));
+  for (const mcmc::MutatorShare& one : parsed.mutations.chosen())
+    plan.use(std::string(one.entry->name), fmt::format("share {:.3g}: {}", one.share, one.entry->doc));
   const std::uint32_t shortest = bounce ? 3 : 2, longest = std::min(options.max_depth, kLongest);
   if (longest < shortest) {
     plan.skip("chains", "max_depth leaves nothing to them");

@@ -4,20 +4,26 @@
 
 #include "common/chains/chains.h"
 #include "worker/integrators/common_settings.h"
-#include "worker/mcmc/mutators/registry.h"
+#include "worker/mcmc/path_space.h"
 
 namespace candela::integrators {
 
-// Shares of mutations, in the order of mcmc::mutators().
+// Mutations and their shares.
 struct ErptMutations {
-  std::vector<double> shares;
+  Choice preset{"erpt", {"erpt", "mept"}};
+  std::vector<double> shares;  // of preset=erpt, in the order of mcmc::mutators()
 
   ErptMutations();
   template <class Visitor>
   void fields(Visitor& visit) {
+    visit(
+        "preset", preset,
+        "erpt: the shares below; mept (manifold exploration): manifold alone, in place of the shares below");
     for (std::size_t i = 0; i < shares.size(); ++i)
       visit(mcmc::mutators()[i].name, shares[i], NumberRange{0, 1}, mcmc::mutators()[i].doc);
   }
+  // Those of the preset, without mutations that have no share.
+  std::vector<mcmc::MutatorShare> chosen() const;
 };
 
 struct ErptSettings {
@@ -61,7 +67,7 @@ struct ErptSettings {
     common.plan_field(visit);
   }
 };
-// One of the shares is above 0.
+// One of the shares is above 0; with preset=mept all have their defaults.
 Result<void> check(const ErptSettings& settings);
 
 }  // namespace candela::integrators
