@@ -121,7 +121,12 @@ inline const std::vector<IntegratorRow>& integrators() {
        .soak_iterations = 30},
       {.name = "mmlt", .chains = true, .farm_share = 0.04, .small = few_chains},
       {.name = "mlt", .chains = true, .farm_share = 0.04, .everything = false, .small = few_chains},
-      {.name = "erpt", .farm_share = 0.04, .everything = false, .small = {{"bootstrap", "400"}}},
+      {.name = "erpt",
+       .farm_share = 0.04,
+       .everything = false,
+       .small = {{"bootstrap", "400"}},
+       .like = "bdpt",
+       .pictures = Pictures::own_tests},
   };
   return rows;
 }

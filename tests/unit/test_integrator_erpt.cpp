@@ -134,7 +134,7 @@ TEST(Erpt, NothingToSpread) {
   EXPECT_NE(film, std::vector<std::int64_t>(film.size()));
 }
 
-// Claim: settings out of their ranges, media, edits and meters are one error that names the field.
+// Claim: settings out of their ranges, media and irradiance meters are one error that names the field.
 TEST(Erpt, OthersAreRefused) {
   for (const auto& [name, value] : {std::pair{"seeds", "0"},
                                     {"seeds", "65"},
@@ -161,6 +161,15 @@ TEST(Erpt, OthersAreRefused) {
       R"(<shape type="sphere"><point name="center" x="0" y="0" z="5"/><bsdf type="null"/>
       <medium name="interior" type="homogeneous"/></shape>)";
   EXPECT_THROW(make(kRoom + fog), std::runtime_error);
+  const std::string text = R"(<scene version="3.0.0"><integrator type="path"/><emitter type="constant"/>
+    <shape type="sphere"><sensor type="irradiancemeter"/></shape></scene>)";
+  const test::TextFiles meter({{"scene.xml", text}});
+  JobSettings job;
+  job.integrator = "erpt";
+  job.width = job.height = kSize;
+  const auto pilot = test::make_renderer(meter, job, {})->pilot({});
+  ASSERT_FALSE(pilot.ok());
+  EXPECT_NE(pilot.error().to_string().find("erpt has no paths to an irradiance meter"), std::string::npos);
 }
 
 }  // namespace
