@@ -121,6 +121,12 @@ inline const std::vector<IntegratorRow>& integrators() {
        .soak_iterations = 30},
       {.name = "mmlt", .chains = true, .farm_share = 0.04, .small = few_chains},
       {.name = "mlt", .chains = true, .farm_share = 0.04, .everything = false, .small = few_chains},
+      {.name = "erpt",
+       .farm_share = 0.04,
+       .everything = false,
+       .small = {{"bootstrap", "400"}},
+       .like = "bdpt",
+       .pictures = Pictures::own_tests},
   };
   return rows;
 }
@@ -157,6 +163,9 @@ inline std::vector<std::string> all_integrators() {
 }
 inline std::vector<std::string> iteration_integrators() {
   return integrators_where([](const IntegratorRow& row) { return !row.chains; });
+}
+inline std::vector<std::string> iteration_integrators_in_media() {
+  return integrators_where([](const IntegratorRow& row) { return !row.chains && row.everything; });
 }
 inline std::vector<std::string> chain_integrators() {
   return integrators_where([](const IntegratorRow& row) { return row.chains; });

@@ -21,7 +21,7 @@ struct Nearest {
 };
 
 // By name: plugins of Mitsuba that Candela lacks, and those of well-known forks and courses.
-constexpr std::array<Nearest, 32> kNearest = {{
+constexpr std::array<Nearest, 31> kNearest = {{
     {"bsdf", "disneybsdf", "principled"},
     {"bsdf", "disney", "principled"},
     {"bsdf", "disneymetal", "principled"},
@@ -37,7 +37,6 @@ constexpr std::array<Nearest, 32> kNearest = {{
     {"bsdf", "retarder", "null"},
     {"integrator", "photonmapper", "ppm"},
     {"integrator", "upm", "ppm"},
-    {"integrator", "erpt", "mmlt"},
     {"emitter", "directionalarea", "area"},
     {"emitter", "collimated", "spot", true},
     {"sensor", "radiancemeter", "orthographic", true},

@@ -19,7 +19,6 @@ const std::vector<MitsubaNames>& mitsuba_names() {
   static const std::vector<MitsubaNames> names = {
       {"integrator",
        {"direct",
-        "erpt",
         "photonmapper",
         "vpl",
         "irrcache",

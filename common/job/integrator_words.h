@@ -73,8 +73,10 @@ inline constexpr IntegratorWords kPssmlt{"pssmlt", 0};
 inline constexpr IntegratorWords kMmlt{"mmlt", 1024};
 // rr_depth is that of the path tracing beside the chains.
 inline constexpr IntegratorWords kMlt{"mlt", 5};
+inline constexpr IntegratorWords kErpt{"erpt", 5};
 
-inline constexpr std::array kIntegrators = {kPath, kBdpt, kLight, kPpm,     kBpm,   kVcm,    kUpbp, kOptimis,
-                                            kFppm, kCppm, kAppm,  kVcmplus, kMcppm, kPssmlt, kMmlt, kMlt};
+inline constexpr std::array kIntegrators = {kPath,  kBdpt,    kLight, kPpm,  kBpm,  kVcm,
+                                            kUpbp,  kOptimis, kFppm,  kCppm, kAppm, kVcmplus,
+                                            kMcppm, kPssmlt,  kMmlt,  kMlt,  kErpt};
 
 }  // namespace candela::integrator_words

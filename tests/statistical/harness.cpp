@@ -196,7 +196,7 @@ std::unique_ptr<render::Renderer> make_renderer(const TestScene& scene) {
   if (!renderer.ok()) give_up(renderer.error());
   const auto& row = test::integrator_row(scene.settings.integrator);
   // The others decide nothing.
-  if (!row.merges && row.name != "optimis") return std::move(renderer).value();
+  if (!row.merges && row.name != "optimis" && row.name != "erpt") return std::move(renderer).value();
   return std::make_unique<DecidedRenderer>(std::move(renderer).value());
 }
 

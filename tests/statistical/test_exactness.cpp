@@ -114,6 +114,7 @@ TEST_P(ExactnessOf, FilmDependsOnTheJobAlone) {
 }
 
 TEST_P(ExactnessOf, FilmOfMediaDependsOnTheJobAlone) {
+  if (!test::integrator_row(GetParam()).everything) GTEST_SKIP() << "renders no media";
   TestScene scene = scene_from_xml(kScene, 70, 45);
   rng::Stream stream(4);
   std::vector<float> values;

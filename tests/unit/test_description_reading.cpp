@@ -84,9 +84,8 @@ TEST(DescriptionReading, AnyIntegratorPasses) {
   }
   EXPECT_EQ(told(read(new_file, cases[0].body, kStrict)),
             "scene.xml:2: unknown integrator 'guided_path' (there is 'path', 'light', 'bdpt', 'ppm', 'bpm', "
-            "'vcm', 'upbp', 'optimis', 'fppm', 'cppm', 'appm', 'vcmplus', 'mcppm', 'pssmlt', 'mmlt', 'mlt'; "
-            "--integrator "
-            "NAME chooses one)");
+            "'vcm', 'upbp', 'optimis', 'fppm', 'cppm', 'appm', 'vcmplus', 'mcppm', 'pssmlt', 'mmlt', 'mlt', "
+            "'erpt'; --integrator NAME chooses one)");
 }
 
 // Claim: a scene's integrator that is the one that runs tells what of it is passed over.

@@ -268,11 +268,11 @@ TEST(DescriptionScenes, OldDielectricsAndPlasticsEqualNew) {
 // Claim: another integrator of Mitsuba's is kept for the command line to override, its parameters unread.
 TEST(DescriptionScenes, OtherIntegratorsAreKept) {
   const auto result =
-      parse_text(scene("<integrator type='erpt'><boolean name='whatever' value='true'/></integrator>"));
+      parse_text(scene("<integrator type='vpl'><boolean name='whatever' value='true'/></integrator>"));
   ASSERT_TRUE(result.ok()) << outcome(result);
   const ObjectPtr integrator = result->scene->children_of("integrator").at(0);
-  EXPECT_EQ(integrator->plugin, "erpt");
-  EXPECT_EQ(find_plugin("integrator", "erpt"), nullptr);
+  EXPECT_EQ(integrator->plugin, "vpl");
+  EXPECT_EQ(find_plugin("integrator", "vpl"), nullptr);
   EXPECT_TRUE(integrator->get_bool("whatever", false));
 }
 

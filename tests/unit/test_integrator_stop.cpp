@@ -13,8 +13,8 @@
 namespace candela {
 namespace {
 
-// Light goes from the floor to the ball and back, so that mlt, whose chains leave short paths alone, has
-// some.
+// Light goes from the floor to the ball and back, so that mlt and erpt, whose chains leave short paths alone,
+// have some.
 constexpr const char* kBox =
     R"(<scene version="3.0.0"><integrator type="path"/>
     <sensor type="perspective"><float name="fov" value="60"/></sensor>

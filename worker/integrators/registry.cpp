@@ -7,6 +7,7 @@
 #include "worker/integrators/appm/appm.h"
 #include "worker/integrators/bdpt/bdpt.h"
 #include "worker/integrators/cppm/cppm.h"
+#include "worker/integrators/erpt/erpt.h"
 #include "worker/integrators/fppm/fppm.h"
 #include "worker/integrators/light/light.h"
 #include "worker/integrators/mcppm/mcppm.h"
@@ -42,6 +43,7 @@ std::vector<IntegratorEntry> product_integrators() {
       integrator_entry<PssmltSettings>(integrator_words::kPssmlt.name, &make_pssmlt_integrator),
       integrator_entry<MmltSettings>(integrator_words::kMmlt.name, &make_mmlt_integrator),
       integrator_entry<MltSettings>(integrator_words::kMlt.name, &make_mlt_integrator),
+      integrator_entry<ErptSettings>(integrator_words::kErpt.name, &make_erpt_integrator),
   };
 }
 

@@ -1,0 +1,42 @@
+// What erpt learns from independent samples before the job: the energy of a chain, and its length.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "worker/integrators/erpt/settings.h"
+#include "worker/integrators/integrator.h"
+#include "worker/mcmc/state_space.h"
+
+namespace candela::integrators::erpt {
+
+struct SeedStatistics {
+  double b0 = 0;              // mean of I
+  double mean_square = 0;     // of I
+  std::uint64_t samples = 0;  // all
+  std::uint64_t lit = 0;      // those of I > 0
+
+  // 1 + rho^2 = E[I^2] / b0^2, at least 1.
+  double one_plus_variance() const;
+};
+
+using MakeSpace = std::function<std::unique_ptr<mcmc::StateSpace>(film::Tallies&)>;
+
+// Fails only if it is stopped.
+Result<SeedStatistics> seed_statistics(const MakeSpace& make_space, std::uint64_t seed, std::uint64_t samples,
+                                       const RunContext& run);
+
+struct Energies {
+  double energy = 1;            // e_d
+  std::uint64_t mutations = 1;  // of a chain
+};
+// The job's choice, and its line in the plan.
+Energies choose_energies(const SeedStatistics& statistics, const ErptSettings& settings, Plan& plan);
+
+// Bytes of the decision.
+std::string to_bytes(const Energies& energies);
+Result<Energies> energies_of(std::string_view bytes);
+
+}  // namespace candela::integrators::erpt
