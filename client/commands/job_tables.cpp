@@ -18,7 +18,7 @@
 namespace candela::client {
 namespace {
 
-constexpr std::size_t kMostIndexBytes = 120;  // of a set of indices that `show` prints
+constexpr std::size_t kMaxIndexBytes = 120;  // of a set of indices that `show` prints
 
 std::string error_text(const v1::JobStatus& s) {
   return s.iterations() > 0 && std::isfinite(s.relmse_estimate()) ? fmt::format("{:.2e}", s.relmse_estimate())
@@ -180,9 +180,9 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   if (s.stop().time_seconds() > 0) limits.push_back(format_duration(s.stop().time_seconds()));
   if (s.stop().relmse() > 0) limits.push_back(fmt::format("relMSE at most {}", s.stop().relmse()));
   if (const std::string indices = wire::indices_text(s); !indices.empty())
-    limits.push_back(indices.size() <= kMostIndexBytes ? "exactly the indices " + indices
-                                                       : effort_text(s, wire::iterations_asked(s)) +
-                                                             " at exact indices, which --json tells");
+    limits.push_back(indices.size() <= kMaxIndexBytes ? "exactly the indices " + indices
+                                                      : effort_text(s, wire::iterations_asked(s)) +
+                                                            " at exact indices, which --json tells");
   line("stops at", fmt::format("{}", join(limits, " or ")));
   line("time", fmt::format("{} running, {} of workers", format_duration(s.elapsed_seconds()),
                            format_duration(s.worker_seconds())));

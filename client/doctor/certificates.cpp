@@ -14,11 +14,11 @@ namespace {
 using wire::Bio, wire::Certificate, wire::CertificateStore, wire::Verification, wire::date_of,
     wire::days_until;
 
-constexpr std::uint64_t kMostBytes = 1 << 20;
+constexpr std::uint64_t kMaxBytes = 1 << 20;
 constexpr double kSoonDays = 30;
 
 Certificate read_certificate(const std::string& file) {
-  const auto text = read_file(file, kMostBytes);
+  const auto text = read_file(file, kMaxBytes);
   if (!text) return nullptr;
   const Bio bio = wire::bio_of(*text);
   Certificate certificate(PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr));

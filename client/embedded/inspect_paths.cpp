@@ -31,8 +31,8 @@ struct PathsOptions {
   bool json = false;
 };
 
-constexpr std::uint64_t kMostSpp = 1u << 30;
-constexpr std::uint64_t kMostRows = 256, kMostKept = 65536;
+constexpr std::uint64_t kMaxSpp = 1u << 30;
+constexpr std::uint64_t kMostRows = 256, kMaxKept = 65536;
 constexpr std::size_t kPathsInJson = 8;  // of a group
 
 Result<void> check_outputs(const PathsOptions& options) {
@@ -58,10 +58,10 @@ Result<PathsRequest> request_of(const PathsOptions& options) {
     CANDELA_ASSIGN(request.rows, parse_count(*options.rows, "--clusters", 1, kMostRows));
   }
   if (options.keep) {
-    CANDELA_ASSIGN(request.keep, parse_count(*options.keep, "--keep", 1, kMostKept));
+    CANDELA_ASSIGN(request.keep, parse_count(*options.keep, "--keep", 1, kMaxKept));
   }
   if (options.spp) {
-    CANDELA_ASSIGN(request.spp, parse_count(*options.spp, "--spp", 1, kMostSpp));
+    CANDELA_ASSIGN(request.spp, parse_count(*options.spp, "--spp", 1, kMaxSpp));
   }
   return request;
 }

@@ -53,7 +53,7 @@ struct VolumeChoice {
 };
 
 constexpr double kFarthest = 1e30;
-constexpr std::uint64_t kMostCells = 65536;  // along an axis
+constexpr std::uint64_t kMaxCells = 65536;  // along an axis
 constexpr std::uint64_t kUsualCells = 64;
 
 Result<void> choose_box(const VolumeOptions& options, CellGrid& grid) {
@@ -74,7 +74,7 @@ Result<void> choose_resolution(const VolumeOptions& options, CellGrid& grid) {
   for (std::size_t begin = 0; begin <= text.size();) {
     const std::size_t end = std::min(text.find(',', begin), text.size());
     CANDELA_ASSIGN(const std::uint64_t count,
-                   parse_count(text.substr(begin, end - begin), "--resolution", 1, kMostCells));
+                   parse_count(text.substr(begin, end - begin), "--resolution", 1, kMaxCells));
     counts.push_back(count);
     begin = end + 1;
   }

@@ -35,7 +35,7 @@ namespace candela::client {
 namespace {
 
 constexpr unsigned kMostThreads = 1024;
-constexpr unsigned kMostWorkers = 256;
+constexpr unsigned kMaxWorkers = 256;
 constexpr double kCallSeconds = 60;  // for a call within the process, on a machine that is busy rendering
 constexpr double kStallSeconds = 5;  // of a render that can keep neither checkpoints nor its end
 
@@ -43,7 +43,7 @@ Result<std::vector<unsigned>> worker_threads(const RenderOptions& options) {
   std::uint64_t workers = 1;
   std::uint64_t threads = std::max(1U, std::thread::hardware_concurrency());
   if (options.workers) {
-    CANDELA_ASSIGN(workers, parse_count(*options.workers, "--workers", 1, kMostWorkers));
+    CANDELA_ASSIGN(workers, parse_count(*options.workers, "--workers", 1, kMaxWorkers));
   }
   if (options.threads) {
     CANDELA_ASSIGN(threads, parse_count(*options.threads, "--threads", 1, kMostThreads));

@@ -13,8 +13,8 @@ namespace {
 
 using loaders::VolumeData;
 
-constexpr std::uint32_t kMostSlices = 16, kWantedExtent = 480, kMostTimes = 64;  // pixels
-constexpr double kBrightest = 99.5;                                              // percentile
+constexpr std::uint32_t kMaxSlices = 16, kWantedExtent = 480, kMaxTimes = 64;  // pixels
+constexpr double kBrightest = 99.5;                                            // percentile
 
 struct Axes {
   std::size_t right = 0, down = 1;
@@ -47,7 +47,7 @@ VolumePicture picture_of(const VolumeData& volume, std::size_t axis, const Value
 }
 
 std::uint32_t times_for(std::uint32_t width, std::uint32_t height) {
-  return std::clamp(kWantedExtent / std::max({width, height, 1u}), 1u, kMostTimes);
+  return std::clamp(kWantedExtent / std::max({width, height, 1u}), 1u, kMaxTimes);
 }
 
 // From 0, or from the smallest value above 0, to nearly the brightest.
@@ -110,7 +110,7 @@ image::Figure draw_projection(const VolumeData& volume, const VolumePictures& pi
 }
 
 image::Figure draw_slices(const VolumeData& volume, const VolumePictures& pictures) {
-  const std::uint32_t depth = volume.size[pictures.axis], count = std::min(depth, kMostSlices);
+  const std::uint32_t depth = volume.size[pictures.axis], count = std::min(depth, kMaxSlices);
   std::vector<VolumePicture> slices;
   std::vector<float> values;
   for (std::uint32_t i = 0; i < count; ++i) {

@@ -32,7 +32,7 @@ int ring_level(std::span<const Int128> rings, std::span<const Int128, kRings> sq
 
 int nested_level(const DiscSums& disc, double kappa) {
   constexpr std::size_t kDepth = 6;
-  constexpr double kLeastPhotons = 8;
+  constexpr double kMinPhotons = 8;
   // The disc of level g is all rings from g on. This has its area, the integral of the field over it with
   // every ring's mean over its own iterations, the variance of that integral for a second moment of 1 per
   // area and iteration, and plain sums. Areas are shares of the first disc.
@@ -56,7 +56,7 @@ int nested_level(const DiscSums& disc, double kappa) {
     if (!(disc.passes[g] > 0)) return false;
     const double moment = discs[g].squares / discs[g].covered;
     for (std::size_t h = g + 1; h < std::min<std::size_t>(g + 1 + kDepth, kRings); ++h) {
-      if (discs[h].sum * discs[h].sum < kLeastPhotons * discs[h].squares || !(discs[h].squares > 0)) continue;
+      if (discs[h].sum * discs[h].sum < kMinPhotons * discs[h].squares || !(discs[h].squares > 0)) continue;
       const double inner = 1 / discs[h].area, outer = 1 / discs[g].area;
       const double variance = moment * ((discs[g].variance - discs[h].variance) * outer * outer +
                                         discs[h].variance * (outer - inner) * (outer - inner));

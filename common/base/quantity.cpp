@@ -6,7 +6,7 @@
 namespace candela {
 namespace {
 
-constexpr double kMostSeconds = 1e9;  // 32 years: clocks count milliseconds of it without overflow
+constexpr double kMaxSeconds = 1e9;  // 32 years: clocks count milliseconds of it without overflow
 
 }  // namespace
 
@@ -24,7 +24,7 @@ std::optional<double> parse_seconds(std::string_view text) {
     number *= 86400;
   else if (!suffix.empty() && suffix != "s")
     return std::nullopt;
-  if (!(number <= kMostSeconds)) return std::nullopt;
+  if (!(number <= kMaxSeconds)) return std::nullopt;
   return number;
 }
 

@@ -19,8 +19,8 @@ bool parse_number(std::string_view text, std::uint64_t& value) {
 }
 
 std::string shown(std::string_view text) {
-  constexpr std::size_t kMost = 40;
-  return escape_unprintable(clip_utf8(text, kMost)) + (text.size() > kMost ? "..." : "");
+  constexpr std::size_t kMax = 40;
+  return escape_unprintable(clip_utf8(text, kMax)) + (text.size() > kMax ? "..." : "");
 }
 
 }  // namespace

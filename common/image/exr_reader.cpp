@@ -159,9 +159,9 @@ ImageSpec spec_of(const Imf::Header& header, const std::vector<FileChannel>& cha
   const std::string type = header.hasType() ? header.type() : "";
   spec.deep = type == Imf::DEEPSCANLINE || type == Imf::DEEPTILE;
   if (header.hasTileDescription() && (type.empty() || type == Imf::TILEDIMAGE || type == Imf::DEEPTILE)) {
-    constexpr unsigned kMost = std::numeric_limits<int>::max();
-    spec.tile_width = static_cast<int>(std::min(header.tileDescription().xSize, kMost));
-    spec.tile_height = static_cast<int>(std::min(header.tileDescription().ySize, kMost));
+    constexpr unsigned kMax = std::numeric_limits<int>::max();
+    spec.tile_width = static_cast<int>(std::min(header.tileDescription().xSize, kMax));
+    spec.tile_height = static_cast<int>(std::min(header.tileDescription().ySize, kMax));
   }
   if (Imf::hasChromaticities(header)) spec.chromaticities = numbers_of(Imf::chromaticities(header));
   if (const auto* orientation = header.findTypedAttribute<Imf::IntAttribute>("Orientation"))

@@ -193,14 +193,14 @@ bool PngReader::read_row(int y) {
 template <class T>
 void PngReader::associate(T* row) const {
   const auto channels = spec_.channels.size();
-  constexpr std::uint32_t kMost = std::numeric_limits<T>::max();
+  constexpr std::uint32_t kMax = std::numeric_limits<T>::max();
   for (std::size_t x = 0; x < static_cast<std::size_t>(spec_.width); ++x, row += channels) {
     const T alpha = row[channels - 1];
     for (std::size_t c = 0; c + 1 < channels; ++c) {
       if (gamma_ == 1) {
-        row[c] = static_cast<T>(std::uint32_t{row[c]} * alpha / kMost);
+        row[c] = static_cast<T>(std::uint32_t{row[c]} * alpha / kMax);
       } else {
-        const float part = static_cast<float>(alpha) * (1.0F / static_cast<float>(kMost));
+        const float part = static_cast<float>(alpha) * (1.0F / static_cast<float>(kMax));
         row[c] = static_cast<T>(static_cast<float>(row[c]) * std::pow(part, gamma_));
       }
     }

@@ -68,13 +68,13 @@ Result<std::vector<LayerEntry>> layers_of(const std::filesystem::path& path) {
 
 Error no_such_layer(const std::filesystem::path& path, const std::string& layer,
                     const std::vector<LayerEntry>& layers) {
-  constexpr std::size_t kMostNamed = 5;
+  constexpr std::size_t kMaxNamed = 5;
   std::vector<std::pair<std::size_t, std::string>> nearest;
   for (const LayerEntry& entry : layers) nearest.emplace_back(edit_distance(layer, entry.name), entry.name);
   std::stable_sort(nearest.begin(), nearest.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
-  const bool more = nearest.size() > kMostNamed;
-  if (more) nearest.resize(kMostNamed);
+  const bool more = nearest.size() > kMaxNamed;
+  if (more) nearest.resize(kMaxNamed);
   std::string list;
   for (const auto& [distance, name] : nearest) list += (list.empty() ? "" : ", ") + name;
   if (layers.empty())

@@ -56,12 +56,12 @@ Ticks linear_ticks(const ColorScale& scale, double length, double capital) {
   const double largest = std::max(std::abs(scale.low), std::abs(scale.high)), range = scale.high - scale.low;
   const int magnitude = exponent_of(largest);
   const int exponent = magnitude < kSmallestPlain || magnitude > kLargestPlain ? magnitude : 0;
-  constexpr std::size_t kMostTicks = 7;
+  constexpr std::size_t kMaxTicks = 7;
   for (int power = exponent_of(range) - 1; power <= exponent_of(range); ++power)
     for (const int mantissa : {1, 2, 5}) {
       const double step = mantissa * std::pow(10.0, power);
       std::vector<Tick> ticks = multiples_of(step, power, scale, exponent);
-      if (ticks.size() >= 2 && ticks.size() <= kMostTicks && fit(scale, ticks, length, capital))
+      if (ticks.size() >= 2 && ticks.size() <= kMaxTicks && fit(scale, ticks, length, capital))
         return {std::move(ticks), {}, exponent};
     }
   return {ends_of(scale), {}, 0};

@@ -48,7 +48,7 @@ constexpr auto kRequestTime = std::chrono::seconds(2);  // from connection to th
 constexpr auto kAnswerTime = std::chrono::seconds(10);  // from there until the client has taken the answer
 constexpr double kSlowBytes = 64 << 10;  // a second, that a client of a large answer takes at least
 constexpr auto kLaterTime = std::chrono::seconds(60);  // for an answer that reads files
-constexpr std::size_t kMostAtOnce = 4 << 20;           // of a large answer, before others have their turn
+constexpr std::size_t kMaxAtOnce = 4 << 20;            // of a large answer, before others have their turn
 constexpr std::size_t kUploadAtOnce = 256 << 10;       // of an upload, before others have their turn
 constexpr auto kLingerTime = std::chrono::seconds(2);
 constexpr auto kStreamTime = std::chrono::seconds(15);  // to take what was sent; then a sign of life
@@ -405,7 +405,7 @@ class Server final : public HttpServer {
         c.deadline = Clock::now() + kLaterTime;
       }
     }
-    const std::size_t turn = c.sent + kMostAtOnce;
+    const std::size_t turn = c.sent + kMaxAtOnce;
     while (c.sent < c.size()) {
       if (c.sent >= turn) return;
       const bool head = c.sent < c.out.size();

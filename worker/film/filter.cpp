@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::size_t kGaussianKnots = 513;  // of the tabulated density, over the whole support
 constexpr std::size_t kKnotsPerPixel = 256;  // of filters with kinks at whole pixels
-constexpr double kMostLobes = 32;
+constexpr double kMaxLobes = 32;
 
 // The number in a setting, NaN where it is none.
 double number_setting(const SettingsMap& settings, const std::string& name, double otherwise) {
@@ -106,7 +106,7 @@ Result<PixelFilter> PixelFilter::create(const std::string& name, const SettingsM
     known = {"lobes"};
     filter.kind_ = Kind::lanczos;
     filter.radius_ = number_setting(settings, "lobes", 3);
-    if (!(filter.radius_ >= 1 && filter.radius_ <= kMostLobes) ||
+    if (!(filter.radius_ >= 1 && filter.radius_ <= kMaxLobes) ||
         filter.radius_ != std::floor(filter.radius_)) {
       return setting_error(settings, "lobes", "a whole number from 1 to 32");
     }

@@ -27,7 +27,7 @@ constexpr std::uint16_t kNoCodec = 0, kZip = 1;
 constexpr std::size_t kSegmentBytes = 16, kMetaBytes = 176;
 // A few bytes must not make a grid of gigabytes. A tile of the root is 4096^3 voxels and beyond our limits,
 // so that a grid which we read has an upper node: 270 kB, which may be 2^30 values.
-constexpr std::uint64_t kMostValuesPerByte = 4096;
+constexpr std::uint64_t kMaxValuesPerByte = 4096;
 constexpr std::size_t kGridBytes = 672, kTreeBytes = 64, kRootBytes = 64, kTileBytes = 32;
 
 // A kind of inner node: 2^(3 log2) children of 2^child_log2 voxels a side.
@@ -114,7 +114,7 @@ class Grid {
       data_.size[i] = static_cast<std::uint32_t>(size);
       size_[i] = static_cast<std::int64_t>(size);
     }
-    if (cells_ / kMostValuesPerByte > bytes_.size())
+    if (cells_ / kMaxValuesPerByte > bytes_.size())
       return fail("the NanoVDB grid has " + std::to_string(bytes_.size()) + " bytes, too few for the " +
                   std::to_string(cells_) + " values of the box around its active voxels");
     std::array<float, 3> low{}, high{};

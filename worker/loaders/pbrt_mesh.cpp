@@ -18,7 +18,7 @@ using description::pbrt::Parameter;
 using description::pbrt::ParameterList;
 using description::pbrt::Tokens;
 
-constexpr std::uint64_t kMostTriangles = std::uint64_t{1} << 28;
+constexpr std::uint64_t kMaxTriangles = std::uint64_t{1} << 28;
 constexpr std::uint32_t kPatchGrid = 16;  // quads along each side of a patch that is not flat
 constexpr std::uint32_t kAround = 256;    // quads around a whole circle
 constexpr std::uint32_t kFromPoleToPole = 128;
@@ -106,7 +106,7 @@ Result<Mesh> subdivision_mesh(ParameterList& parameters, const Location& where, 
                               description::ReadingBudget& budget) {
   CANDELA_ASSIGN(Mesh mesh, triangle_mesh(parameters, where, origin));
   CANDELA_ASSIGN(const std::int64_t levels, parameters.integer("levels", 3));
-  if (levels < 0 || levels > 10 || mesh.triangles.size() > (kMostTriangles >> (2 * levels)))
+  if (levels < 0 || levels > 10 || mesh.triangles.size() > (kMaxTriangles >> (2 * levels)))
     return error_at(where, "a subdivision of " + std::to_string(levels) + " levels has too many triangles");
   constexpr std::uint64_t kTriangleBytes = 120;  // with its vertices and edges, while the last level is made
   description::Charge charge(budget);
@@ -173,7 +173,7 @@ Result<Mesh> bilinear_mesh(ParameterList& parameters, const Location& where, con
                            description::ReadingBudget& budget) {
   CANDELA_ASSIGN(const Vertices v, vertices(parameters, where, origin));
   CANDELA_ASSIGN(const std::vector<std::uint32_t> corners, indices(parameters, where, v.positions.size(), 4));
-  if (corners.size() > kMostTriangles / (2 * kPatchGrid * kPatchGrid))
+  if (corners.size() > kMaxTriangles / (2 * kPatchGrid * kPatchGrid))
     return error_at(where, "the mesh has too many patches");
   constexpr std::uint64_t kPatchBytes = (kPatchGrid + 1) * (kPatchGrid + 1) * sizeof(GridPoint) +
                                         2 * kPatchGrid * kPatchGrid * 3 * sizeof(std::uint32_t);

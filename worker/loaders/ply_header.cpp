@@ -10,8 +10,8 @@ namespace candela::loaders::ply {
 namespace {
 
 constexpr std::size_t kLongestHeader = 1 << 20;
-constexpr std::size_t kMostElements = 64, kMostProperties = 1024;
-constexpr std::uint64_t kMostVertices = 0xfffffff0u;
+constexpr std::size_t kMaxElements = 64, kMaxProperties = 1024;
+constexpr std::uint64_t kMaxVertices = 0xfffffff0u;
 
 bool parse_type(std::string_view name, Type& out) {
   struct Named {
@@ -117,7 +117,7 @@ class HeaderReader {
   }
 
   Result<void> element(const std::vector<std::string_view>& word) {
-    if (header_.elements.size() == kMostElements) return fail("the PLY header has more than 64 elements");
+    if (header_.elements.size() == kMaxElements) return fail("the PLY header has more than 64 elements");
     Element out;
     if (word.size() != 3) return fail("an element line is 'element NAME COUNT'");
     const char* end = word[2].data() + word[2].size();
@@ -133,7 +133,7 @@ class HeaderReader {
   Result<void> property(const std::vector<std::string_view>& word) {
     if (header_.elements.empty()) return fail("a property stands before any element");
     std::vector<Property>& properties = header_.elements.back().properties;
-    if (properties.size() == kMostProperties) return fail("a PLY element has more than 1024 properties");
+    if (properties.size() == kMaxProperties) return fail("a PLY element has more than 1024 properties");
     Property out;
     out.list = word.size() == 5 && word[1] == "list";
     if (!out.list && word.size() != 3) {
@@ -219,7 +219,7 @@ class HeaderReader {
           .at(name_, 0)
           .with_mend("save it with faces; strips and point clouds are not read");
     }
-    if (vertices->count > kMostVertices || faces->count > kMostVertices) {
+    if (vertices->count > kMaxVertices || faces->count > kMaxVertices) {
       return input_error("the PLY file declares more than 2^32 vertices or faces").at(name_, 0);
     }
     header_.vertices = static_cast<std::size_t>(vertices - header_.elements.data());

@@ -23,8 +23,8 @@
 namespace candela::loaders {
 namespace {
 
-constexpr std::uint64_t kMostVisits = std::uint64_t{1} << 33;  // of vertices: some ten seconds
-constexpr std::uint32_t kSmall = 32;                           // corners that need no grid
+constexpr std::uint64_t kMaxVisits = std::uint64_t{1} << 33;  // of vertices: some ten seconds
+constexpr std::uint32_t kSmall = 32;                          // corners that need no grid
 
 struct Point {
   double x = 0, y = 0;
@@ -122,7 +122,7 @@ class Outline {
       queue_.pop_front();
       if (dead_[v] || turn_[v] != turn) continue;  // a neighbor was clipped since: it stands elsewhere again
       const bool clips = strict ? is_spike(v) || is_ear(v) : turns(v) >= 0;
-      if (visits_ > kMostVisits) return false;
+      if (visits_ > kMaxVisits) return false;
       if (!clips) continue;
       out.push_back(triangle_at(v));
       clip_off(v);

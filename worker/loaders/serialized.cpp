@@ -20,7 +20,7 @@ constexpr std::uint32_t kHasNormals = 0x0001, kHasUvs = 0x0002, kHasTangents = 0
                         kFaceNormals = 0x0010, kSingle = 0x1000, kDouble = 0x2000;
 // The most bytes one byte of a DEFLATE stream can become is 1032; a claim beyond that is a lie found before
 // allocation.
-constexpr std::uint64_t kMostInflation = 1040;
+constexpr std::uint64_t kMaxInflation = 1040;
 constexpr std::size_t kChunkBytes = std::size_t{1} << 20;
 constexpr std::size_t kLongestName = 65536;
 
@@ -210,7 +210,7 @@ Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, st
   if ((flags & kHasTangents) != 0) return fail("serialized meshes with tangents are not supported");
   const std::uint64_t numbers = 3 + ((flags & kHasNormals) != 0 ? 3u : 0u) +
                                 ((flags & kHasUvs) != 0 ? 2u : 0u) + ((flags & kHasColors) != 0 ? 3u : 0u);
-  const std::uint64_t most_bytes = compressed.size() * kMostInflation;
+  const std::uint64_t most_bytes = compressed.size() * kMaxInflation;
   if (vertex_count >= 0xffffffffu || vertex_count > most_bytes / (numbers * (reader.doubles ? 8 : 4)) ||
       triangle_count > most_bytes / 12) {
     return fail("the mesh claims " + std::to_string(vertex_count) + " vertices and " +

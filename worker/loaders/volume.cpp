@@ -15,7 +15,7 @@ static_assert(std::endian::native == std::endian::little, "the format is little-
 
 constexpr std::size_t kHeaderBytes = 48;
 constexpr std::int32_t kFloat32 = 1, kFloat16 = 2, kUint8 = 3, kDirections = 4;
-constexpr std::int64_t kMostCells = std::int64_t{1} << 32;  // keeps products of sizes within 64 bits
+constexpr std::int64_t kMaxCells = std::int64_t{1} << 32;  // keeps products of sizes within 64 bits
 
 template <class T>
 T read_at(std::string_view bytes, std::size_t offset) {
@@ -64,7 +64,7 @@ Result<VolumeData> load_volume(std::string_view bytes, const std::string& name, 
     if (size < 1) return fail("the volume has " + std::to_string(size) + " cells along one axis");
     volume.size[axis] = static_cast<std::uint32_t>(size);
     cells *= static_cast<std::uint64_t>(size);
-    if (cells > static_cast<std::uint64_t>(kMostCells)) return fail("the volume has more than 2^32 cells");
+    if (cells > static_cast<std::uint64_t>(kMaxCells)) return fail("the volume has more than 2^32 cells");
   }
   const auto channels = read_at<std::int32_t>(bytes, 20);
   if (channels != 1 && channels != 3)

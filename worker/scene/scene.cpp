@@ -33,7 +33,7 @@ bool strict_normals(const description::Object& root) {
   return value != nullptr && *value;
 }
 
-constexpr std::uint32_t kMostProbes = 1u << 12;  // surfaces passed to learn what medium a place is in
+constexpr std::uint32_t kMaxProbes = 1u << 12;  // surfaces passed to learn what medium a place is in
 }  // namespace
 
 Scene::Scene() : impl_(std::make_unique<Impl>()) {}
@@ -203,7 +203,7 @@ std::uint32_t Scene::emitter_medium(const EmissionSample& light) const {
 std::uint32_t Scene::medium_at(Ray ray) const {
   ray.t_max = Ray().t_max;  // a camera's far clip hides surfaces, not what it is in
   SurfaceHit hit;
-  for (std::uint32_t passes = 0; passes < kMostProbes && intersect(ray, hit); ++passes) {
+  for (std::uint32_t passes = 0; passes < kMaxProbes && intersect(ray, hit); ++passes) {
     if (hit.medium_interface != kNone) return impl_->media.beyond(hit, -ray.direction, kNone);
     ray = spawn_ray(hit, ray.direction);
   }
@@ -220,7 +220,7 @@ void Scene::find_media(float film_width, float film_height) {
   std::uint32_t medium = impl.camera_medium;
   SurfaceHit hit;
   Ray out = ray;
-  for (std::uint32_t passes = 0; passes < kMostProbes && intersect(out, hit); ++passes) {
+  for (std::uint32_t passes = 0; passes < kMaxProbes && intersect(out, hit); ++passes) {
     medium = impl.media.beyond(hit, out.direction, medium);
     out = spawn_ray(hit, out.direction);
   }

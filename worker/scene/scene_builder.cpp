@@ -19,7 +19,7 @@
 namespace candela::scene {
 namespace {
 
-constexpr std::uint64_t kMostPrimitives = 0xfffffff0u;  // Embree's ids are 32-bit
+constexpr std::uint64_t kMaxPrimitives = 0xfffffff0u;  // Embree's ids are 32-bit
 
 Error error_at(const description::Object& object, std::string message) {
   return input_error(std::move(message)).at(object.where.file, object.where.line);
@@ -308,8 +308,8 @@ Result<void> SceneBuilder::add_built(const description::Object& object, Shape sh
     warnings_.push_back(object.where.file + ":" + std::to_string(object.where.line) + ": left out " +
                         std::to_string(shape.dropped_count) + " faces without area");
   }
-  if (geometry_.positions.size() + shape.positions.size() > kMostPrimitives ||
-      geometry_.triangles.size() + shape.triangles.size() > kMostPrimitives) {
+  if (geometry_.positions.size() + shape.positions.size() > kMaxPrimitives ||
+      geometry_.triangles.size() + shape.triangles.size() > kMaxPrimitives) {
     return error_at(object, "the scene has more than 2^32 triangles or vertices");
   }
   CANDELA_TRY(count(object,

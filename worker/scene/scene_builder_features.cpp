@@ -33,8 +33,8 @@ void SceneBuilder::finish_features() {
   std::vector<bool> lets_through;
   for (const ShapeRecord& shape : geometry_.shapes)
     lets_through.push_back(shape.medium_interface != kNone || bsdfs_[shape.bsdf].facts().transmissive);
-  constexpr std::size_t kMostSharedFaces = 8;
-  for (const auto& [first, second] : find_shared_faces(geometry_, lets_through, kMostSharedFaces))
+  constexpr std::size_t kMaxSharedFaces = 8;
+  for (const auto& [first, second] : find_shared_faces(geometry_, lets_through, kMaxSharedFaces))
     features_.shared_faces.emplace_back(shape_places_[first], shape_places_[second]);
   const ThickMedium lasting = thickest_medium(media_, geometry_);
   features_.lasting_fraction = static_cast<float>(lasting.fraction);

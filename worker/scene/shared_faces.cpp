@@ -13,7 +13,7 @@
 namespace candela::scene {
 namespace {
 
-constexpr std::size_t kMostComparisons = std::size_t{1} << 22;
+constexpr std::size_t kMaxComparisons = std::size_t{1} << 22;
 
 // A convex polygon in the plane of others.
 struct Polygon {
@@ -89,7 +89,7 @@ std::vector<std::pair<std::uint32_t, std::uint32_t>> find_shared_faces(const Geo
     for (std::size_t j = i + 1; j < polygons.size() && polygons[j].plane == a.plane &&
                                 polygons[j].box.low.x <= a.box.high.x && pairs.size() < most;
          ++j) {
-      if (++comparisons > kMostComparisons) return {pairs.begin(), pairs.end()};
+      if (++comparisons > kMaxComparisons) return {pairs.begin(), pairs.end()};
       const Polygon& b = polygons[j];
       if (a.shape == b.shape) continue;
       const auto pair = std::minmax(a.shape, b.shape);

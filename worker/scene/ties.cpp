@@ -150,9 +150,9 @@ Place place_in(const Bounds& box, double pad) {
 // them.
 std::vector<Vec3d> few_corners(const Geometry& geometry, std::vector<Flat>::iterator begin,
                                std::vector<Flat>::iterator end) {
-  constexpr std::ptrdiff_t kMost = 16;
+  constexpr std::ptrdiff_t kMax = 16;
   std::vector<Vec3d> corners;
-  if (end - begin > kMost) return corners;
+  if (end - begin > kMax) return corners;
   for (auto i = begin; i != end; ++i) {
     if (kind_of(geometry, i->shape) != PrimitiveKind::triangle) return {};
     const Triangle& t = geometry.triangles[i->primitive];
@@ -178,8 +178,8 @@ void add_outline(const std::vector<Vec3d>& corners, double pad, Place& place) {
 
 // Adds a place. If there are too many places, the last one holds all the rest.
 void add_place(const Place& place, std::vector<Place>& places) {
-  constexpr std::size_t kMost = 8;
-  if (places.size() < kMost) {
+  constexpr std::size_t kMax = 8;
+  if (places.size() < kMax) {
     places.push_back(place);
     return;
   }

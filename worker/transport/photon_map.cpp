@@ -6,7 +6,7 @@
 namespace candela::transport {
 namespace {
 
-constexpr std::size_t kMostPhotons = 0xfffffff7u;  // RangeSearch's limit
+constexpr std::size_t kMaxPhotons = 0xfffffff7u;  // RangeSearch's limit
 
 bool finite(Vec3 v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
@@ -67,7 +67,7 @@ Result<void> PhotonMap<Block>::build(std::span<const PhotonBuffer<Block>* const>
   std::vector<std::size_t> first(chunks.size() + 1, 0);
   for (std::size_t c = 0; c < chunks.size(); ++c) first[c + 1] = first[c] + chunks[c]->size();
   const std::size_t count = first.back();
-  if (count > kMostPhotons)
+  if (count > kMaxPhotons)
     return usage_error("an iteration has more than 2^32 - 9 photons")
         .with_field("light_paths")
         .with_mend("trace fewer light paths per iteration, or set max_depth");

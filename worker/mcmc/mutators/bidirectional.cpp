@@ -13,7 +13,7 @@ using transport::path::PathVertex;
 
 namespace {
 
-constexpr std::size_t kMostDeleted = 16, kMostDifference = 8;
+constexpr std::size_t kMaxDeleted = 16, kMaxDifference = 8;
 
 // p_d by the number of vertices: as [Veach 1997, Sec. 11.4.2.1] by edges, of which there is one more.
 double weight_of_deletion(std::size_t vertices) {
@@ -31,8 +31,8 @@ double weight_of_addition(std::size_t difference) {
 template <class Visit>
 void BidirectionalMutator::for_each_addition(const Subpaths::Kept& kept, std::size_t deleted,
                                              const Visit& visit) const {
-  const std::size_t least = deleted > kMostDifference ? deleted - kMostDifference : 0;
-  for (std::size_t a = least; a <= deleted + kMostDifference; ++a) {
+  const std::size_t least = deleted > kMaxDifference ? deleted - kMaxDifference : 0;
+  for (std::size_t a = least; a <= deleted + kMaxDifference; ++a) {
     const std::size_t vertices = kept.light + kept.eye + a;
     if (vertices < std::size_t{context_.min_edges} + 1 || vertices > std::size_t{context_.max_edges} + 1)
       continue;
@@ -58,7 +58,7 @@ const BidirectionalMutator::Ranges& BidirectionalMutator::ranges(const PathState
     for (std::size_t light = 0; light < count; ++light) {
       if (light > 0 && v[light - 1].delta) continue;
       // x_m, the first vertex that is kept behind, is never the light; count: none is kept.
-      for (std::size_t m = std::max<std::size_t>(light, 1); m <= std::min(count, light + kMostDeleted); ++m) {
+      for (std::size_t m = std::max<std::size_t>(light, 1); m <= std::min(count, light + kMaxDeleted); ++m) {
         if (m < count && v[m].delta) continue;
         const Range range{{light, count - m}, weight_of_deletion(m - light)};
         bool goes_on = false;

@@ -48,10 +48,10 @@ bool numbers_of_lens_point(const scene::Scene& scene, const scene::SurfaceHit& s
 
 std::optional<scene::CanonicalPoint> point_of_emitter(const scene::Scene& scene, std::uint32_t emitter,
                                                       Vec3 p, Vec3 d, double near) {
-  constexpr int kMostInFront = 64;
+  constexpr int kMaxInFront = 64;
   const Vec3d line = normalize(Vec3d(d));
   Ray ray{p - d * static_cast<float>(near), d};
-  for (int i = 0; i < kMostInFront; ++i) {
+  for (int i = 0; i < kMaxInFront; ++i) {
     const auto point = scene.points().intersect(ray, Vec3d(p), line);
     if (!point) return std::nullopt;
     const scene::SurfaceHit found = scene.points().hit(*point);

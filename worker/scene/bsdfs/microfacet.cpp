@@ -22,7 +22,7 @@ float beckmann_masking(float a) {
 double sample_beckmann_visible_slope(double cos_theta, double sin_theta, double u) {
   constexpr double kInvSqrtPi = 0.5641895835477562869;
   constexpr double kHalfSqrtPi = 0.8862269254527580137;
-  constexpr double kLeast =
+  constexpr double kMin =
       1e-10;  // below the first quantile that a 24-bit number can ask for, 2^-26 at grazing
   double q_max = 2;
   double gauss_max = 0;
@@ -36,7 +36,7 @@ double sample_beckmann_visible_slope(double cos_theta, double sin_theta, double 
   const double fit = 1 - sin_theta * (0.85 - 0.3 * sin_theta);
   double q = q_max * (1 - math::detail::exp_single(fit * math::detail::log_single(1 - u)));
   for (int i = 0;; ++i) {
-    q = std::clamp(q, kLeast, 2 - kLeast);
+    q = std::clamp(q, kMin, 2 - kMin);
     const double gauss_weight = q * (2 - q);  // 1 - erf^2
     const double x = (q - 1) * math::detail::erfinv_ratio(-math::detail::log_single(gauss_weight));
     const double g = math::detail::exp_single(-x * x);

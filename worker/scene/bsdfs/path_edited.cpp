@@ -29,7 +29,7 @@ float quotient(float a, float b) {
 // Directions to draw from, each with edits that turn what is drawn. Moved directions are as many as sets of
 // edits that move.
 struct EditedWalk::Alternatives {
-  static constexpr std::size_t kMost = edited::kMaxBranches * edited::kMaxBranches;
+  static constexpr std::size_t kMax = edited::kMaxBranches * edited::kMaxBranches;
   struct One {
     Vec3 w;
     std::uint16_t with;
@@ -42,7 +42,7 @@ struct EditedWalk::Alternatives {
 
   std::uint32_t count = 0;
   // Not initialized: few are used.
-  alignas(One) std::byte room[kMost * sizeof(One)];
+  alignas(One) std::byte room[kMax * sizeof(One)];
 
   One* all() { return std::launder(reinterpret_cast<One*>(room)); }
   const One& operator[](std::uint32_t i) const {
@@ -54,7 +54,7 @@ struct EditedWalk::Alternatives {
         all()[i].where |= slot;
         return;
       }
-    if (count < kMost) new (room + sizeof(One) * count++) One{w, with, slot};
+    if (count < kMax) new (room + sizeof(One) * count++) One{w, with, slot};
   }
 };
 

@@ -10,8 +10,8 @@
 namespace candela::scene {
 namespace {
 
-constexpr std::uint32_t kGridCells = 4;   // of the grid along an axis to one coarse cell, up to
-constexpr std::uint32_t kMostCells = 64;  // coarse cells along an axis
+constexpr std::uint32_t kGridCells = 4;  // of the grid along an axis to one coarse cell, up to
+constexpr std::uint32_t kMaxCells = 64;  // coarse cells along an axis
 // Interpolation in float may exceed the largest of its eight values by rounding.
 constexpr float kRounding = 1 + 1e-6f;
 constexpr float kRoulette = 0.1f;  // a transmittance below this may end
@@ -122,7 +122,7 @@ class Tracking::Walk {
 Tracking::Tracking(std::shared_ptr<const GridVolume> grid, float scale)
     : grid_(std::move(grid)), scale_(scale) {
   for (std::size_t k = 0; k < 3; ++k)
-    size_[k] = std::min((grid_->size()[k] + kGridCells - 1) / kGridCells, kMostCells);
+    size_[k] = std::min((grid_->size()[k] + kGridCells - 1) / kGridCells, kMaxCells);
   cells_.reserve(std::size_t{size_[0]} * size_[1] * size_[2]);
   for (std::uint32_t z = 0; z < size_[2]; ++z)
     for (std::uint32_t y = 0; y < size_[1]; ++y)

@@ -15,7 +15,7 @@
 namespace candela::scene {
 namespace {
 
-constexpr std::uint64_t kMostValues = std::uint64_t{1} << 30;
+constexpr std::uint64_t kMaxValues = std::uint64_t{1} << 30;
 
 // Maximum distance by which rounding moves a point over a cell's wall, in cells.
 constexpr double kSlack = 1e-6;
@@ -36,9 +36,9 @@ Result<GridVolume> GridVolume::build(const description::Object& object,
   CANDELA_ASSIGN(const description::FileSource::Bytes bytes, files.open(file));
   description::ReadingBudget& budget = files.budget();
   // A few voxels far apart make a small file a large grid.
-  const std::uint64_t most = std::min(kMostValues, budget.left() / sizeof(float));
+  const std::uint64_t most = std::min(kMaxValues, budget.left() / sizeof(float));
   const auto within_budget = [&](Result<loaders::VolumeData> read) -> Result<loaders::VolumeData> {
-    if (!read.ok() && most < kMostValues && read.error().message.starts_with("the box around"))
+    if (!read.ok() && most < kMaxValues && read.error().message.starts_with("the box around"))
       return budget.refusal(object.where, "the values of '" + file + "'", (most + 1) * sizeof(float));
     return read;
   };

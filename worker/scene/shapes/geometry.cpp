@@ -61,10 +61,9 @@ void append(std::vector<T>& to, std::vector<T>&& from) {
 
 // As floats, which a parameterization squeezed to almost nothing may overflow.
 Vec3 finite(Vec3d v) {
-  constexpr double kMost = 1e18;
-  return {static_cast<float>(std::clamp(v.x, -kMost, kMost)),
-          static_cast<float>(std::clamp(v.y, -kMost, kMost)),
-          static_cast<float>(std::clamp(v.z, -kMost, kMost))};
+  constexpr double kMax = 1e18;
+  return {static_cast<float>(std::clamp(v.x, -kMax, kMax)), static_cast<float>(std::clamp(v.y, -kMax, kMax)),
+          static_cast<float>(std::clamp(v.z, -kMax, kMax))};
 }
 
 constexpr double kTwoPi = 2 * std::numbers::pi;

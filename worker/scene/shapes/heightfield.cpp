@@ -17,7 +17,7 @@ namespace {
 
 // A vertex takes 56 bytes of mesh and some 450 while the tree is built: 8 GiB in all. Mitsuba 0.6's grids are
 // 2^n + 1 vertices a side.
-constexpr std::uint64_t kMostVertices = std::uint64_t{4097} * 4097;
+constexpr std::uint64_t kMaxVertices = std::uint64_t{4097} * 4097;
 
 struct Grid {
   std::uint32_t width = 0, height = 0;
@@ -36,7 +36,7 @@ Result<Grid> grid_of_file(const description::Object& object, const std::string& 
                           const description::FileSource& files, TextureStore& textures) {
   const auto bytes = files.open(file);
   if (!bytes.ok()) return error_at(object, "filename", bytes.error().message);
-  const auto image = decode_heights(bytes->view, file, kMostVertices, textures.scratch());
+  const auto image = decode_heights(bytes->view, file, kMaxVertices, textures.scratch());
   if (!image.ok())
     return error_at(object, "filename", "'" + file + "': " + image.error().message)
         .with_mend(image.error().mend);
@@ -59,11 +59,11 @@ Result<Grid> grid_of_texture(const description::Object& object, const descriptio
     grid.width = static_cast<std::uint32_t>(object.get_integer("width", 32));
     grid.height = static_cast<std::uint32_t>(object.get_integer("height", 32));
   }
-  if (grid.width < 2 || grid.height < 2 || grid.size() > kMostVertices) {
+  if (grid.width < 2 || grid.height < 2 || grid.size() > kMaxVertices) {
     return error_at(object, "width",
                     "the height field has " + std::to_string(grid.width) + " x " +
                         std::to_string(grid.height) + " vertices; it has 2 x 2 at least and " +
-                        std::to_string(kMostVertices) + " in all at most");
+                        std::to_string(kMaxVertices) + " in all at most");
   }
   grid.z.reserve(grid.size());
   SurfacePoint at;

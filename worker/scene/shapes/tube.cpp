@@ -18,10 +18,10 @@ struct Section {
   double radius = 0, slope = 0;
 };
 
-constexpr std::size_t kMostSides = 16, kFewestSides = 5;
+constexpr std::size_t kMaxSides = 16, kMinSides = 5;
 constexpr std::size_t kVertexBudget = 2'000'000;  // where many curves make sides scarce
 constexpr double kTurn = 0.2;                     // radians that a segment's tangent turns between sections
-constexpr int kFewestSteps = 2, kMostSteps = 16;
+constexpr int kMinSteps = 2, kMaxSteps = 16;
 
 struct SplinePoint {
   Vec3d p, derivative;
@@ -55,7 +55,7 @@ int steps_of(const loaders::ControlPoint* c) {
   const Vec3d first = spline_at(c, 0).derivative, middle = spline_at(c, 0.5).derivative,
               last = spline_at(c, 1).derivative;
   const double turned = turn(first, middle) + turn(middle, last);
-  return std::clamp(static_cast<int>(std::ceil(turned / kTurn)), kFewestSteps, kMostSteps);
+  return std::clamp(static_cast<int>(std::ceil(turned / kTurn)), kMinSteps, kMaxSteps);
 }
 
 void add_section(std::vector<Section>& sections, const SplinePoint& at) {
@@ -166,7 +166,7 @@ void add_tube(const std::vector<Section>& sections, std::size_t sides, loaders::
 template <class Curve, class Sections>
 Result<loaders::Mesh> tubes(const std::vector<Curve>& curves, const Sections& sections_of,
                             std::size_t max_triangles) {
-  const std::size_t max_sections = max_triangles / (2 * kFewestSides);
+  const std::size_t max_sections = max_triangles / (2 * kMinSides);
   std::vector<std::vector<Section>> all;
   std::size_t count = 1;  // of sections
   for (const Curve& curve : curves) {
@@ -177,7 +177,7 @@ Result<loaders::Mesh> tubes(const std::vector<Curve>& curves, const Sections& se
       return input_error("the curves of the shape are tubes of more than " + std::to_string(max_triangles) +
                          " triangles");
   }
-  const std::size_t sides = std::clamp(kVertexBudget / count, kFewestSides, kMostSides);
+  const std::size_t sides = std::clamp(kVertexBudget / count, kMinSides, kMaxSides);
   loaders::Mesh mesh;
   for (const auto& sections : all) {
     work_step();
