@@ -184,6 +184,31 @@ TEST(Regularised, LampOverTwoMirrors) {
   }
 }
 
+// Claim: a medium in between passes its transmittance.
+TEST(Regularised, LampOverTwoMirrorsInFog) {
+  constexpr double kSigma = 0.3, r = 0.1;
+  test::SceneText text = test::scene_t(30);
+  const auto put = [](std::string& in, const std::string& before) {
+    in.insert(in.find(before), "<ref id=\"fog\"/>");
+  };
+  put(text.sensor, "</sensor>");
+  put(text.body, "</emitter>");
+  text.sensor = fmt::format(
+                    "<medium type=\"homogeneous\" id=\"fog\"><rgb name=\"sigma_t\" value=\"{}\"/><rgb "
+                    "name=\"albedo\" value=\"0\"/></medium>",
+                    kSigma) +
+                text.sensor;
+  const Built fog = built(text.sensor, text.body), clear = scene_t(30);
+  for (const char* integrator : {"path", "bdpt"}) {
+    const Case one{integrator, 50, {{"max_depth", "3"}}, 24};
+    const auto dim = measure(fog, one, r, 12), bright = measure(clear, one, r, 12);
+    const double passed = std::exp(-kSigma * test::SceneT::kD), ratio = dim.mean() / bright.mean();
+    const double error = std::hypot(dim.error() / dim.mean(), bright.error() / bright.mean());
+    EXPECT_NEAR(ratio / passed, 1, 6 * error + 0.01) << integrator;
+    EXPECT_LT(error, 0.06) << integrator;
+  }
+}
+
 // A lamp in glass under a flat boundary, seen from the air by way of a matt floor above it: `body` completes
 // it. Index 1.5.
 std::string glass_and_lamp() {
