@@ -184,6 +184,31 @@ TEST(Regularised, LampOverTwoMirrors) {
   }
 }
 
+// Claim: a medium in between passes its transmittance.
+TEST(Regularised, LampOverTwoMirrorsInFog) {
+  constexpr double kSigma = 0.3, r = 0.1;
+  test::SceneText text = test::scene_t(30);
+  const auto put = [](std::string& in, const std::string& before) {
+    in.insert(in.find(before), "<ref id=\"fog\"/>");
+  };
+  put(text.sensor, "</sensor>");
+  put(text.body, "</emitter>");
+  text.sensor = fmt::format(
+                    "<medium type=\"homogeneous\" id=\"fog\"><rgb name=\"sigma_t\" value=\"{}\"/><rgb "
+                    "name=\"albedo\" value=\"0\"/></medium>",
+                    kSigma) +
+                text.sensor;
+  const Built fog = built(text.sensor, text.body), clear = scene_t(30);
+  for (const char* integrator : {"path", "bdpt"}) {
+    const Case one{integrator, 50, {{"max_depth", "3"}}, 24};
+    const auto dim = measure(fog, one, r, 12), bright = measure(clear, one, r, 12);
+    const double passed = std::exp(-kSigma * test::SceneT::kD), ratio = dim.mean() / bright.mean();
+    const double error = std::hypot(dim.error() / dim.mean(), bright.error() / bright.mean());
+    EXPECT_NEAR(ratio / passed, 1, 6 * error + 0.01) << integrator;
+    EXPECT_LT(error, 0.06) << integrator;
+  }
+}
+
 // A lamp in glass under a flat boundary, seen from the air by way of a matt floor above it: `body` completes
 // it. Index 1.5.
 std::string glass_and_lamp() {
@@ -227,6 +252,51 @@ TEST(RegularisedBdpt, RefractsFromTheLight) {
   const double error = std::hypot(from_eye.error(), both.error());
   EXPECT_NEAR(from_eye.mean(), both.mean(), 6 * error + 0.02 * both.mean());
   EXPECT_LT(error, 0.04 * both.mean());
+}
+
+// Claim: light from infinitely far away, which a mirror sends onto a floor, is as bright as it is: the edge
+// to it counts with the diameter of the scene. So is its picture in a mirror for an orthographic camera,
+// which bidirectional path tracing shows from either end; and that of a lens with an area by path tracing.
+TEST(Regularised, EndsThatAreFarOrWide) {
+  const Vec3d eye(0.5, -0.8, 0.7);
+  // The sun comes from below the floor, whose back is black.
+  const std::string body = square({-1, 0, 2}, {0, 0, -1}, 3, kMirror) +
+                           square({0, 0, 0}, {0, 0, 1}, 0.15,
+                                  "<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"0.5\"/></bsdf>") +
+                           R"(<emitter type="directional"><vector name="direction" x="0.5" y="0" z="1"/>
+         <rgb name="irradiance" value="2"/></emitter>)";
+  const double exact = 0.5 / std::numbers::pi * 2 / std::sqrt(1.25);
+  const auto sensor_at = [](const std::string& type, Vec3d from, Vec3d to, const std::string& more) {
+    return fmt::format(
+        "<sensor type=\"{}\">{}<transform name=\"to_world\"><lookat origin=\"{}\" target=\"{}\" "
+        "up=\"0, 1, 0.1\"/></transform></sensor>",
+        type, more, point(from), point(to));
+  };
+  const auto expect = [&](const Built& scene, const std::string& integrator, const char* depth,
+                          const std::string& what) {
+    const auto measured = measure(scene, {integrator, 250, {{"max_depth", depth}}}, 0.2 * scene.radius, 12);
+    EXPECT_NEAR(measured.mean(), exact, 6 * measured.error() + 0.02 * exact) << what << measured.error();
+    EXPECT_LT(measured.error(), 0.04 * exact) << what;
+  };
+  const std::string narrow = "<float name=\"fov\" value=\"2\"/>";
+  expect(built(sensor_at("perspective", eye, {0, 0, 0}, narrow), body), "path", "3", "pinhole");
+  expect(built(sensor_at("thinlens", eye, {0, 0, 0},
+                         narrow + "<float name=\"aperture_radius\" value=\"0.02\"/><float "
+                                  "name=\"focus_distance\" value=\"1.17\"/>"),
+               body),
+         "path", "3", "lens");
+  // Mirror A hangs beside the floor and shows it.
+  const Vec3d a(0.4, -0.5, 1), to_floor = normalize(-a),
+                               n = normalize(to_floor + normalize(Vec3d(1, -0.2, 0.1)));
+  const Vec3d from = a + normalize(Vec3d(1, -0.2, 0.1)) * 0.8;
+  const std::string both = body + square(a, n, 0.12, kMirror);
+  const std::string small = fmt::format(
+      "<sensor type=\"orthographic\"><float name=\"near_clip\" value=\"0.001\"/><transform "
+      "name=\"to_world\"><scale x=\"0.02\" y=\"0.02\"/><lookat origin=\"{}\" target=\"{}\" up=\"0, "
+      "0, 1\"/></transform></sensor>",
+      point(from), point(a));
+  for (const char* integrator : {"path", "bdpt"})
+    expect(built(small, both), integrator, "4", std::string("orthographic ") + integrator);
 }
 
 // Sums of the film of units [cuts[i], cuts[i + 1]).

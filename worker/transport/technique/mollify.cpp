@@ -59,7 +59,8 @@ Spectrum light_in_lobes(const scene::Scene& scene, const SurfaceHit& v, const sc
                         const scene::DirectSample& light, const Mollifier& mollifier, double& length) {
   const Vec3d to = light.infinite ? Vec3d(light.wi) * far_length(scene) : Vec3d(light.p) - Vec3d(v.p);
   const double distance_squared = length_squared(to);
-  length = std::sqrt(distance_squared);
+  // Exact: lengths of edges to both ends compare as equal.
+  length = light.infinite ? far_length(scene) : std::sqrt(distance_squared);
   const Spectrum attenuation = lobes_towards(lobes, v.ng, to, mollifier);
   // The light's value has the division by its squared distance.
   return attenuation * light.radiance *
@@ -87,7 +88,7 @@ bool mollified_lens(const ConnectContext& c, const ScatterPoint& z, const scene:
   const Vec3d to =
       camera.delta_direction ? Vec3d(camera.wi) * far_length(c.scene) : Vec3d(camera.p) - Vec3d(z.hit.p);
   const double distance_squared = length_squared(to);
-  length = std::sqrt(distance_squared);
+  length = camera.delta_direction ? far_length(c.scene) : std::sqrt(distance_squared);
   const Spectrum attenuation = lobes_towards(lobes, z.hit.ng, to, mollifier);
   if (attenuation.is_black()) return false;
   double survival = 1;
