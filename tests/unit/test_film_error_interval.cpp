@@ -376,7 +376,7 @@ TEST(ErrorContext, FollowsSettingsAndPlan) {
   EXPECT_FALSE(ppm.connects);
   EXPECT_EQ(ppm.expected_bias, 3);
   for (const auto& [name, expected] :
-       {std::pair("alpha_f", 6.0), std::pair("alpha_chi", 6.0), std::pair("r_max", 1.5)})
+       {std::pair("alpha_f", 8.0), std::pair("alpha_chi", 12.0), std::pair("r_max", 1.5)})
     EXPECT_EQ(context_of({{"radius", "0"}, {name, "1"}}, "use  photons on surfaces: x\n").expected_bias,
               expected);
   EXPECT_NEAR(context_of({{"radius", "0"}}, "use  photons on surfaces: x\n").alpha, 5.0 / 6, 1e-12);
