@@ -147,12 +147,6 @@ TEST_P(Layers, AddUpToTheImageInFog) {
   layers_add_up(with_integrator(scene, GetParam(), small_job(GetParam())));
 }
 
-// Chains that know no fog.
-TEST(LayersOf, MltAddUpToTheImage) {
-  const TestScene scene = scene_of(kCeiling + kSpot + kSky, kTwoLobes, 37, 23);
-  layers_add_up(with_integrator(scene, "mlt", small_job("mlt")));
-}
-
 std::vector<std::string> layered_integrators() {
   std::vector<std::string> names;
   for (const test::IntegratorRow& row : test::integrators())
@@ -243,43 +237,6 @@ TEST(LayersOf, BpmAreTheLightOfTheirPaths) {
 }
 TEST(LayersOf, PpmAreTheLightOfTheirPaths) {
   expect_the_light_of_its_paths("ppm", {.margin = 0.08}, {{"radius", "0.03"}});
-}
-
-// Claim: chains over paths label them as walks do: each layer's share of the light is that of bdpt, by lamp,
-// by lobe, and by object. (That layers are a sum to the bit, LayersOf.MltAddUpToTheImage says.) Not a test of
-// chance: the seeds are fixed.
-TEST(LayersOf, MltHaveTheSharesOfBdpt) {
-  // Chains have paths of two scattering vertices and more.
-  const std::vector<letters::NamedExpression> layers = {{"all", "L[DGSV][DGSV]+E"},
-                                                        {"bulb", "L{bulb}[DGSV][DGSV]+E"},
-                                                        {"diffuse", "L[DGSV]+DE"},
-                                                        {"lobe", "LD{floor}[DGSV]+E"},
-                                                        {"ball", "L[DGSV]+G{ball}E"}};
-  const auto shares = [&](const std::string& integrator, std::uint64_t rounds, const SettingsMap& settings) {
-    TestScene scene =
-        with_integrator(scene_from_xml(room_text(kPanel + kBulb, kTwoLobes), 24, 16), integrator, settings);
-    scene.settings.layers = text_of(layers);
-    scene.settings.seed = 5;
-    const bool chains = integrator == "mlt";
-    const auto sums = chains
-                          ? std::vector<std::vector<std::int64_t>>{render_chains({scene, rounds, 1}, 5).sums}
-                          : sums_of(scene, 1);
-    // The image, and of chains what independent samples brought; then the layers, of chains their part first.
-    const std::size_t values = std::size_t{24} * 16 * 3, first = chains ? 2 : 1;
-    std::vector<double> light(layers.size());
-    for (const auto& half : sums)
-      for (std::size_t e = 0; e < layers.size(); ++e)
-        for (std::size_t i = 0; i < values; ++i)
-          light[e] += static_cast<double>(half[(first + e) * values + i]);
-    for (std::size_t e = layers.size(); e-- > 0;) light[e] /= light[0];
-    return light;
-  };
-  const std::vector<double> expected = shares("bdpt", 0, {}), found = shares("mlt", 120, small_job("mlt"));
-  for (std::size_t e = 1; e < layers.size(); ++e) {
-    EXPECT_NEAR(found[e], expected[e], 0.03) << layers[e].name;
-    EXPECT_GT(expected[e], 0.04) << layers[e].name;
-    EXPECT_LT(expected[e], 0.96) << layers[e].name;
-  }
 }
 
 }  // namespace
