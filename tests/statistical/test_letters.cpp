@@ -147,12 +147,6 @@ TEST_P(Layers, AddUpToTheImageInFog) {
   layers_add_up(with_integrator(scene, GetParam(), small_job(GetParam())));
 }
 
-// Chains that know no fog.
-TEST(LayersOf, MltAddUpToTheImage) {
-  const TestScene scene = scene_of(kCeiling + kSpot + kSky, kTwoLobes, 37, 23);
-  layers_add_up(with_integrator(scene, "mlt", small_job("mlt")));
-}
-
 std::vector<std::string> layered_integrators() {
   std::vector<std::string> names;
   for (const test::IntegratorRow& row : test::integrators())

@@ -10,6 +10,7 @@
 #include "common/rng/stream.h"
 #include "tests/unit/renderer_fixture.h"
 #include "worker/inspect/volume.h"
+#include "worker/integrators/volume/cell_film.h"
 
 namespace candela::inspect {
 namespace {
@@ -194,6 +195,73 @@ TEST(InspectVolume, SunlightIsABeam) {
   }
   EXPECT_GE(inside, 16);
   EXPECT_GE(outside, 40);
+}
+
+// Claim: the film of a job has, in its layer of the light that is selected, the sums that one machine has of
+// the same samples, for each cell, and for the light and its part that crosses the box.
+TEST(InspectVolume, JobsHaveTheSameLight) {
+  const std::string body =
+      R"(<sensor type="perspective"><float name="fov" value="50"/><transform name="to_world">
+        <lookat origin="100, 3, 6" target="100, 0.5, 0" up="0, 1, 0"/></transform></sensor>
+      <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="4"/>
+        <translate x="100"/></transform><bsdf type="diffuse"/></shape>
+      <shape type="sphere"><point name="center" x="100" y="1" z="0"/><float name="radius" value="0.8"/>
+        <bsdf type="dielectric"/></shape>
+      <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate x="100" y="4"/></transform>
+        <emitter type="area"><rgb name="radiance" value="5, 4, 3"/></emitter></shape>)";
+  const std::string select = "LS+DE";
+  const SettingsMap depth = {{"max_depth", "5"}};
+  const auto session = open(body, select, depth);
+  VolumeRequest request = whole({{98, 0.1, -1.5}, {100, 3, 1.5}, {5, 4, 3}}, 160);
+  request.pixels = {1, 2, 6, 7};
+  const VolumeReport report = inspect_of(*session, request);
+  EXPECT_GT(report.paths, 100u);
+
+  JobSettings job;
+  job.integrator = "volume";
+  job.width = integrators::cell_film_width(request.grid);
+  job.height = integrators::cell_film_height(request.grid);
+  job.filter = "box";
+  job.seed = 5;
+  job.layers = letters::text_of(session->request());
+  SettingsMap settings = depth;
+  for (const auto& [name, value] : {std::pair{"film_width", "8"},
+                                    {"film_height", "8"},
+                                    {"pixel_x0", "1"},
+                                    {"pixel_y0", "2"},
+                                    {"pixel_x1", "6"},
+                                    {"pixel_y1", "7"},
+                                    {"low_x", "98"},
+                                    {"low_y", "0.1"},
+                                    {"low_z", "-1.5"},
+                                    {"high_x", "100"},
+                                    {"high_y", "3"},
+                                    {"high_z", "1.5"},
+                                    {"cells_x", "5"},
+                                    {"cells_y", "4"},
+                                    {"cells_z", "3"}})
+    settings[name] = value;
+  const test::TextFiles files({{"scene.xml", "<scene version=\"3.0.0\">" + body + "</scene>"}});
+  const auto renderer = test::make_renderer(files, job, settings);
+  const auto film = test::render_film(*renderer, request.spp);
+  const std::size_t layer = std::size_t{job.width} * job.height * 3;
+  const auto sum = [&](std::uint64_t pixel, std::size_t channel) {
+    return std::ldexp(static_cast<double>(film->sums()[layer + 3 * pixel + channel]), -test::kFilmScaleLog2);
+  };
+  for (std::uint64_t i = 0; i < 3 * request.grid.count(); ++i) {
+    const double expected = std::ldexp(report.sums.value(i), -report.scale_log2);
+    EXPECT_NEAR(sum(i / 3, i % 3), expected, 1e-5 * expected + 1e-5) << i;
+  }
+  const double samples = static_cast<double>(request.pixels.count() * request.spp);
+  for (std::size_t c = 0; c < 3; ++c) {
+    const auto of = [&](integrators::CellFilmSum which) {
+      return sum(integrators::cell_film_pixel(request.grid, which), c) / samples;
+    };
+    const double mean = report.mean[static_cast<int>(c)], crossing = report.crossing[static_cast<int>(c)];
+    EXPECT_NEAR(of(integrators::CellFilmSum::light), mean, 1e-5 * mean) << c;
+    EXPECT_NEAR(of(integrators::CellFilmSum::crossing), crossing, 1e-5 * crossing) << c;
+    EXPECT_GT(mean, crossing);
+  }
 }
 
 // Claim: with edges to the eye, a sky's light converges on a pinhole: radiance / cross-section of the cone.

@@ -18,8 +18,10 @@ transport::ChannelLabels labels_of(const transport::PathLetters& letters, const 
                                    const transport::path::FullPath& path) {
   std::uint64_t key = rng::key(kLabels);
   for (const transport::path::InnerVertex& v : path.inner) key = with_place(key, v.hit.p);
-  transport::ChannelStates states =
-      letters.at_light(path.light.emitter, -path.along[0], with_place(key, path.along[0]));
+  const Vec3 outside = -path.along[0];
+  transport::ChannelStates states = path.light.emitter == scene::kNone
+                                        ? letters.at_outside(outside, with_place(key, outside))
+                                        : letters.at_lamp(path.light.emitter);
   for (std::size_t i = 0; i < path.inner.size(); ++i) {
     const transport::path::InnerVertex& v = path.inner[i];
     const Vec3 to_light = -path.along[i], to_eye = path.along[i + 1];
