@@ -2,7 +2,6 @@
 
 #include <vector>
 
-#include "common/chains/chains.h"
 #include "worker/integrators/common_settings.h"
 #include "worker/mcmc/path_space.h"
 
@@ -27,7 +26,8 @@ struct ErptMutations {
 };
 
 struct ErptSettings {
-  static constexpr double kMaxSeeds = 64;  // per pixel
+  static constexpr double kMaxSeeds = 64;        // per pixel
+  static constexpr int kMaxBootstrap = 1 << 22;  // 32 MB of the pilot
 
   CommonSettings common{integrator_words::kErpt};
   double seeds = 1;
@@ -54,7 +54,7 @@ struct ErptSettings {
           "with chain_length=0: mutations of an iteration for each seed, on average");
     visit("chain_length", chain_length, 0, 1 << 20,
           "mutations of a chain; 0: mutations_per_seed over the chains of a seed");
-    visit("bootstrap", bootstrap, 1, static_cast<int>(chains::kMaxBootstrapSamples),
+    visit("bootstrap", bootstrap, 1, kMaxBootstrap,
           "independent samples of the pilot, from which the energy of a chain follows");
     mutations.fields(visit);
     visit("direct", direct,
