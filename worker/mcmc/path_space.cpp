@@ -62,8 +62,8 @@ std::optional<double> PathSpace::log_pdf_area(const PathState& path) const {
   return *density + math::log(lengths_.prob(static_cast<std::uint32_t>(path.path.edge_count())));
 }
 
-std::optional<PathSpace::State> PathSpace::state(Path path) const {
-  auto found = path_state(context_.scene, std::move(path), rules_);
+std::optional<PathSpace::State> PathSpace::state(Path path, const PathState* near) const {
+  auto found = path_state(context_.scene, std::move(path), rules_, near);
   if (!found) return std::nullopt;
   State out;
   out.path = *std::move(found);
@@ -127,7 +127,7 @@ double PathSpace::propose_mutation(std::uint64_t key) {
   };
   Proposal made = mutator.propose(from.path, draws);
   if (!made) return failed(made.failure());
-  auto to = state(std::move(*made));
+  auto to = state(std::move(*made), &from.path);
   if (!to) return failed(MutationFailure::dark);
   if (!(to->suitabilities[mutator_] > 0)) return failed(MutationFailure::one_way);
   const auto forward = mutator.log_pdf_area(from.path, to->path),

@@ -68,7 +68,8 @@ class PathSpace final : public StateSpace {
 
   Technique choose(rng::Stream& stream) const;
   std::optional<State> independent(std::uint64_t key) const;
-  std::optional<State> state(transport::path::Path path) const;
+  // near: as of path_state().
+  std::optional<State> state(transport::path::Path path, const PathState* near = nullptr) const;
   double propose_mutation(std::uint64_t key);
   void put(const State& state, SplatList& out) const;
 

@@ -17,22 +17,28 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <vector>
 
 #include "worker/transport/path/full_path.h"
 
-namespace candela::scene {
-class EditedWalk;
-}
-
 namespace candela::transport::path {
+
+class Evaluation;
+
+// The evaluation of another path of the same scene by the same rules, and the numbers of vertices, from the
+// light's end and from the sensor's, that are the same in both paths.
+struct SharedEnds {
+  const Evaluation* of = nullptr;  // null: none. It is valid
+  std::size_t light = 0, sensor = 0;
+};
 
 // Everything about a path in its scene.
 class Evaluation {
  public:
   // valid() is false where the path cannot be followed: a ray between two vertices does not arrive.
-  Evaluation(const scene::Scene& scene, const FullPath& path, const Rules& rules);
+  // shared: parts that follow from shared vertices alone are copied; the numbers are the same to the bit.
+  Evaluation(const scene::Scene& scene, const FullPath& path, const Rules& rules,
+             const SharedEnds& shared = {});
   bool valid() const { return valid_; }
   // Media found going from the light and from the eye are the same.
   bool media_agree() const { return media_agree_; }
@@ -41,7 +47,7 @@ class Evaluation {
   // The relative error that floats may give the path's densities and contribution, as far as it is known:
   // cosines that vanish, and stretches of media, which walks take to end short of surfaces by their error.
   // Not counted: lobes as narrow as the last bits of a direction.
-  double rounding() const { return rounding_; }
+  double rounding() const;
   const PathNumbers& numbers() const { return numbers_; }
 
   // The measurement contribution f(x), per channel: emitted radiance, geometric terms, transmittance, bsdfs
@@ -73,39 +79,40 @@ class Evaluation {
     std::vector<Pass> passes;
   };
   struct Inner {
-    scene::Closure from_light, from_eye;
-    scene::ClosureArena arena_light, arena_eye;
-    // With edits that select by the path: the densities that both walks' weights know. Values are those of
-    // the vertex alone.
-    std::shared_ptr<scene::EditedWalk> light_walk, eye_walk;
     std::array<double, 3> value{};              // rho_i
     double prob_to_eye = 0, prob_to_light = 0;  // true densities of the directions
+    bool scatters_through = false;              // as the eye's walk sees the bsdf
   };
 
   bool follow_edge(std::size_t i);
   void assign_media();
   void evaluate_inner(std::size_t i);
-  void evaluate_delta(std::size_t i, Vec3 to_light, Vec3 to_eye);
-  bool evaluate_ends();
+  void evaluate_delta(std::size_t i, const scene::Closure& from_light, const scene::Closure& from_eye,
+                      Vec3 to_light, Vec3 to_eye);
+  void evaluate_light();
+  void evaluate_light_direct();
+  bool evaluate_sensor();
+  // Copies what depends on edge i, on vertex i and its neighbors, or on an end, from the shared vertices of
+  // another path. False: they are not shared.
+  bool copy_edge(const SharedEnds& shared, std::size_t i);
+  bool copy_inner(const SharedEnds& shared, std::size_t i);
   std::array<double, 3> transmittance(const Edge& edge) const;
-  std::array<double, 3> emitted() const;
   // Density with which the light's (eye's) walk makes its first `count` vertices.
   Scaled walk_density(bool from_light, std::size_t count) const;
   enum class Arrival : std::uint8_t { surface, medium, lens };
   Scaled fly(bool from_light, std::size_t edge, Arrival arrival, bool expects_passes,
              std::array<double, 3>& color) const;
   Vec3d place(std::size_t i) const;
-  void count_rounding();
 
   const scene::Scene& scene_;
   const FullPath& path_;
   Rules rules_;
   bool valid_ = true, media_agree_ = true, closed_form_ = true;
-  double rounding_ = 0;
   PathNumbers numbers_;
   std::vector<Edge> edges_;
-  std::vector<std::unique_ptr<Inner>> inner_;
-  double importance_ = 0;  // of the last edge, its cosine at the lens included
+  std::vector<Inner> inner_;
+  std::array<double, 3> emitted_{};  // radiance along the first edge; of a delta light as EmissionSample has it
+  double importance_ = 0;            // of the last edge, its cosine at the lens included
 };
 
 }  // namespace candela::transport::path
