@@ -1,5 +1,6 @@
 #include "worker/mcmc/mutators/half_vector.h"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <utility>
@@ -18,6 +19,7 @@ namespace {
 
 std::vector<double> tolerances(const PreparedChain& chain, double gamma) {
   std::vector<double> out;
+  out.reserve(chain.alphas.size());
   for (const double alpha : chain.alphas) out.push_back(tolerance(gamma, alpha));
   return out;
 }
@@ -52,37 +54,61 @@ const std::optional<HalfVectorMutator::Prepared>& HalfVectorMutator::prepared(co
       .prepared;
 }
 
-std::optional<HalfVectorMutator::Prepared> HalfVectorMutator::prepare_path(const PathState& state) const {
-  Prepared out;
+// Kept apart from what is prepared: `this` is the owner of that.
+const std::optional<path::Segment>& HalfVectorMutator::segment(const PathState& state) const {
+  return state
+      .memo<SegmentMemo>(&rules_,
+                         [&] {
+                           auto made = std::make_unique<SegmentMemo>();
+                           made->segment = make_segment(state);
+                           return made;
+                         })
+      .segment;
+}
+
+std::optional<path::Segment> HalfVectorMutator::make_segment(const PathState& state) const {
+  std::optional<path::Segment> out(std::in_place);
   const std::size_t k = state.path.edge_count();
-  if (k < 2 ||
-      path::make_segment(scene_, state.path, state.assembled(), 0, k, out.segment) != path::NoSegment::none)
+  if (k < 2 || path::make_segment(scene_, state.path, state.assembled(), 0, k, *out) != path::NoSegment::none)
     return std::nullopt;
+  const std::vector<double>& alphas = out->alphas;
+  const bool specular = std::any_of(alphas.begin(), alphas.end(), [](double alpha) { return !(alpha > 0); });
+  if (rules_.one_step && specular) return std::nullopt;
+  return out;
+}
+
+std::optional<HalfVectorMutator::Prepared> HalfVectorMutator::prepare_path(const PathState& state) const {
+  const std::optional<path::Segment>& found = segment(state);
+  if (!found) return std::nullopt;
+  Prepared out;
+  out.segment = &*found;
+  const std::size_t k = state.path.edge_count();
   const Vec3d numbers = state.path.vertices.back().place;
   const Vec2 lens{static_cast<float>(numbers.x), static_cast<float>(numbers.y)};
   const auto film =
-      path::to_film(scene_, out.segment.chain.vertices[k - 1], state.assembled().edges.back().length, lens);
+      path::to_film(scene_, found->chain.vertices[k - 1], state.assembled().edges.back().length, lens);
   if (!film) return std::nullopt;
-  auto chain = prepare(out.segment.chain, out.segment.alphas, *film, rules_.step);
-  if (!chain || (rules_.one_step && chain->any_specular())) return std::nullopt;
+  auto chain = prepare(found->chain, found->alphas, *film, rules_.step);
+  if (!chain) return std::nullopt;
   out.chain = *std::move(chain);
   return out;
 }
 
 double HalfVectorMutator::suitability(const PathState& from) const {
-  return prepared(from) ? 1 : 0;
+  return segment(from) ? 1 : 0;
 }
 
 Proposal HalfVectorMutator::propose(const PathState& from, rng::Stream& stream) const {
   const auto& here = prepared(from);
   if (!here) return MutationFailure::no_path;
   std::vector<Pair> normals;
+  normals.reserve(here->chain.slopes.size());
   for (std::size_t i = 0; i < here->chain.slopes.size(); ++i) {
     const double u = stream.next_double();
     normals.push_back(normal_pair(u, stream.next_double()));
   }
   const std::vector<Pair> slopes = propose_slopes(here->chain, normals);
-  const path::SceneSurfaces surfaces(scene_, here->segment);
+  const path::SceneSurfaces surfaces(scene_, *here->segment);
   Chain moved = here->chain.chain;
   if (rules_.one_step) {
     if (!propose_one_step(here->chain, slopes, surfaces, moved)) return MutationFailure::no_path;
@@ -92,7 +118,7 @@ Proposal HalfVectorMutator::propose(const PathState& from, rng::Stream& stream) 
     if (!returns(moved, here->chain.chain, held_slopes(here->chain), near, surfaces, {}))
       return MutationFailure::no_return;
   }
-  return path::with_segment(from.path, here->segment, moved);
+  return path::with_segment(from.path, *here->segment, moved);
 }
 
 std::optional<double> HalfVectorMutator::log_pdf_area(const PathState& from, const PathState& to) const {

@@ -34,8 +34,14 @@ class HalfVectorMutator final : public PathMutator {
 
  private:
   // Nothing: the path is no chain of half vectors.
+  struct SegmentMemo final : Memo {
+    std::optional<transport::path::Segment> segment;
+  };
+  const std::optional<transport::path::Segment>& segment(const PathState& state) const;
+  std::optional<transport::path::Segment> make_segment(const PathState& state) const;
+  // Nothing: nor is it if the segment has no half vectors, or cannot be solved.
   struct Prepared {
-    transport::path::Segment segment;
+    const transport::path::Segment* segment = nullptr;  // the state keeps it
     transport::manifold::PreparedChain chain;
   };
   struct PreparedMemo final : Memo {

@@ -50,7 +50,8 @@ class PathState {
   struct StandsOn {
     StandsOn(const scene::Scene& scene, transport::path::Assembled whole, const transport::path::Rules& rules,
              const transport::path::SharedEnds& shared)
-        : assembled(std::move(whole)), evaluation(scene, assembled.path, rules, shared) {}
+        : assembled(std::move(whole)),
+          evaluation(scene, assembled.path, rules, shared, transport::path::Wanted::if_lit) {}
     StandsOn(const StandsOn&) = delete;
     StandsOn& operator=(const StandsOn&) = delete;
     transport::path::Assembled assembled;

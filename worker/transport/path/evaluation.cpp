@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "worker/core/math.h"
 #include "worker/scene/bsdfs/delta_lobes.h"
@@ -65,7 +66,7 @@ DeltaLobe find_delta(const scene::Closure& closure, Vec3 wo, Vec3 wi, TransportM
 }  // namespace
 
 Evaluation::Evaluation(const scene::Scene& scene, const FullPath& path, const Rules& rules,
-                       const SharedEnds& shared)
+                       const SharedEnds& shared, Wanted wanted)
     : scene_(scene), path_(path), rules_(rules) {
   const std::size_t k = path.edge_count();
   PathNumbers& n = numbers_;
@@ -85,12 +86,7 @@ Evaluation::Evaluation(const scene::Scene& scene, const FullPath& path, const Ru
     if (copy_edge(shared, i)) continue;
     if (!(i == 0 && path.light_infinite) && !(i + 1 == k && path.lens_infinite))
       n.distance_squared[i] = length_squared(place(i + 1) - place(i));
-    if (!follow_edge(i)) {
-      valid_ = false;
-      return;
-    }
   }
-  if (scene.features().media > 0) assign_media();
   inner_.resize(k - 1);
   for (std::size_t i = 1; i < k; ++i)
     if (!copy_inner(shared, i)) evaluate_inner(i);
@@ -119,6 +115,16 @@ Evaluation::Evaluation(const scene::Scene& scene, const FullPath& path, const Ru
   } else {
     valid_ = evaluate_sensor();
   }
+  if (wanted == Wanted::if_lit && !may_be_lit()) valid_ = false;
+  for (std::size_t i = 0; i < k && valid_; ++i)
+    if (edges_[i].stretches.size() == 0) valid_ = follow_edge(i);
+  if (valid_ && scene.features().media > 0) assign_media();
+}
+
+bool Evaluation::may_be_lit() const {
+  const auto lit = [](const Channels& c) { return c[0] > 0 || c[1] > 0 || c[2] > 0; };
+  return importance_ > 0 && lit(emitted_) &&
+         std::all_of(inner_.begin(), inner_.end(), [&](const Inner& x) { return lit(x.value); });
 }
 
 bool Evaluation::copy_edge(const SharedEnds& shared, std::size_t i) {
@@ -171,10 +177,12 @@ double Evaluation::rounding() const {
       surface(path_.light, d);
     for (const Pass& pass : edges_[i].passes) surface(pass.hit, d);
     double thickest = 0;
-    for (const Stretch& stretch : edges_[i].stretches)
-      if (stretch.medium != scene::kNone)
-        thickest = std::max(thickest,
-                            static_cast<double>(scene_.medium(stretch.medium).max_sigma_t().max_component()));
+    for (std::size_t j = 0; j < edges_[i].stretches.size(); ++j) {
+      const std::uint32_t medium = edges_[i].stretches[j].medium;
+      if (medium == scene::kNone) continue;
+      thickest =
+          std::max(thickest, static_cast<double>(scene_.medium(medium).max_sigma_t().max_component()));
+    }
     rounding += 2 * thickest * ends;
   }
   return rounding;
@@ -236,7 +244,8 @@ bool Evaluation::follow_edge(std::size_t i) {
     ray = spawn_ray(hit, d);
   }
   if (from_outside) {
-    std::reverse(edge.stretches.begin(), edge.stretches.end());
+    const std::size_t count = edge.stretches.size();
+    for (std::size_t j = 0; j < count / 2; ++j) std::swap(edge.stretches[j], edge.stretches[count - 1 - j]);
     std::reverse(edge.passes.begin(), edge.passes.end());
   }
   for (Pass& pass : edge.passes) {

@@ -32,13 +32,18 @@ struct SharedEnds {
   std::size_t light = 0, sensor = 0;
 };
 
+enum class Wanted : std::uint8_t {
+  all,
+  if_lit  // a path whose ends and vertices pass no light is not followed, and counts as not valid
+};
+
 // Everything about a path in its scene.
 class Evaluation {
  public:
   // valid() is false where the path cannot be followed: a ray between two vertices does not arrive.
   // shared: parts that follow from shared vertices alone are copied; the numbers are the same to the bit.
   Evaluation(const scene::Scene& scene, const FullPath& path, const Rules& rules,
-             const SharedEnds& shared = {});
+             const SharedEnds& shared = {}, Wanted wanted = Wanted::all);
   bool valid() const { return valid_; }
   // Media found going from the light and from the eye are the same.
   bool media_agree() const { return media_agree_; }
@@ -74,8 +79,27 @@ class Evaluation {
     std::array<double, 3> fraction{};
     double prob_from_light = 1, prob_from_eye = 1;
   };
+  // Most edges have one stretch, which needs no memory of its own.
+  class Stretches {
+   public:
+    std::size_t size() const { return size_; }
+    Stretch& operator[](std::size_t i) { return i == 0 ? first_ : more_[i - 1]; }
+    const Stretch& operator[](std::size_t i) const { return i == 0 ? first_ : more_[i - 1]; }
+    void push_back(const Stretch& stretch) {
+      if (size_ == 0)
+        first_ = stretch;
+      else
+        more_.push_back(stretch);
+      ++size_;
+    }
+
+   private:
+    Stretch first_;
+    std::vector<Stretch> more_;
+    std::size_t size_ = 0;
+  };
   struct Edge {
-    std::vector<Stretch> stretches;
+    Stretches stretches;
     std::vector<Pass> passes;
   };
   struct Inner {
@@ -92,6 +116,8 @@ class Evaluation {
   void evaluate_light();
   void evaluate_light_direct();
   bool evaluate_sensor();
+  // False: emission, importance or a bsdf is zero.
+  bool may_be_lit() const;
   // Copies what depends on edge i, on vertex i and its neighbors, or on an end, from the shared vertices of
   // another path. False: they are not shared.
   bool copy_edge(const SharedEnds& shared, std::size_t i);

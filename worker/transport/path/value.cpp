@@ -30,7 +30,8 @@ Channels stretch_transmittance(const scene::Medium& medium, double length) {
 
 Channels Evaluation::transmittance(const Edge& edge) const {
   Channels t{1, 1, 1};
-  for (const Stretch& stretch : edge.stretches) {
+  for (std::size_t j = 0; j < edge.stretches.size(); ++j) {
+    const Stretch& stretch = edge.stretches[j];
     if (stretch.medium == scene::kNone || !scene_.medium(stretch.medium).homogeneous()) continue;
     const Channels passed = stretch_transmittance(scene_.medium(stretch.medium), stretch.length);
     for (std::size_t c = 0; c < 3; ++c) t[c] *= passed[c];
