@@ -16,6 +16,11 @@ namespace {
 enum Purpose : std::uint64_t { technique, vertices, mutation_choice, mutation_draws };
 constexpr std::uint64_t kPathSpace = 0x70617468;  // "path"
 
+MutatorContext counting(MutatorContext context, std::uint64_t& rays) {
+  context.rays = &rays;
+  return context;
+}
+
 rng::Stream stream_of(std::uint64_t key, Purpose purpose) {
   return rng::Stream(rng::key(key, kPathSpace, purpose));
 }
@@ -23,7 +28,7 @@ rng::Stream stream_of(std::uint64_t key, Purpose purpose) {
 }  // namespace
 
 PathSpace::PathSpace(const MutatorContext& context, std::span<const MutatorShare> shares)
-    : context_(context),
+    : context_(counting(context, rays_)),
       rules_(context.rules()),
       lengths_(context.min_edges, std::max(context.min_edges, context.max_edges)),
       subpaths_(context_) {
@@ -118,11 +123,21 @@ double PathSpace::propose_mutation(std::uint64_t key) {
     u -= from.suitabilities[i];
     if (u < 0) break;
   }
-  const PathMutator& mutator = *mutators_[mutator_];
   MutatorCounts& counts = counts_[mutator_];
   ++counts.proposed;
-  const auto failed = [&](MutationFailure why) {
-    ++counts.failed[static_cast<std::size_t>(why)];
+  const std::uint64_t rays_before = rays_;
+  MutationFailure why = MutationFailure::none;
+  const double ratio = quotient(from, *mutators_[mutator_], draws, why);
+  counts.rays += rays_ - rays_before;
+  if (why != MutationFailure::none) ++counts.failed[static_cast<std::size_t>(why)];
+  return ratio;
+}
+
+// Makes the proposal. 0: it fails, and `why` says why.
+double PathSpace::quotient(const State& from, const PathMutator& mutator, rng::Stream& draws,
+                           MutationFailure& why) {
+  const auto failed = [&](MutationFailure cause) {
+    why = cause;
     return 0.0;
   };
   Proposal made = mutator.propose(from.path, draws);

@@ -33,11 +33,14 @@ struct MutatorShare {
 struct MutatorCounts {
   std::uint64_t proposed = 0, accepted = 0;
   std::array<std::uint64_t, kMutationFailures> failed{};
+  std::uint64_t rays = 0;  // that proposals and their evaluation took
 };
 
 class PathSpace final : public StateSpace {
  public:
   PathSpace(const MutatorContext& context, std::span<const MutatorShare> shares);
+  PathSpace(const PathSpace&) = delete;  // mutators count rays in it
+  PathSpace& operator=(const PathSpace&) = delete;
 
   void start(std::uint64_t key, SplatList& out) override;
   double propose(const Mutation& mutation, SplatList& out) override;
@@ -71,8 +74,10 @@ class PathSpace final : public StateSpace {
   // near: as of path_state().
   std::optional<State> state(transport::path::Path path, const PathState* near = nullptr) const;
   double propose_mutation(std::uint64_t key);
+  double quotient(const State& from, const PathMutator& mutator, rng::Stream& draws, MutationFailure& why);
   void put(const State& state, SplatList& out) const;
 
+  std::uint64_t rays_ = 0;  // of all that was done so far
   const MutatorContext context_;
   transport::path::Rules rules_;
   PathLengths lengths_;

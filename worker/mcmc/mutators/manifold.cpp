@@ -130,7 +130,7 @@ double ManifoldMutator::angle_scale(const PathState& from, const Choice& choice)
 
 bool ManifoldMutator::trace(const PathState& from, const Choice& choice, rng::Stream& stream,
                             path::Path& path) const {
-  const Tracer tracer(context_.scene, from);
+  const Tracer tracer(context_.scene, from, context_.rays);
   const double scale = draw_scale(stream), u = stream.next_double(), v = stream.next_double();
   if (choice.a == path.edge_count()) {
     const Pair offset = normal_pair(u, v) * (step_ * scale);
@@ -160,7 +160,7 @@ Proposal ManifoldMutator::propose(const PathState& from, rng::Stream& stream) co
     return MutationFailure::no_path;
   const std::vector<Pair> held(moved.inner_count());
   const std::vector<double> near(moved.inner_count(), tolerance(1, 0));
-  const path::SceneSurfaces surfaces(context_.scene, segment);
+  const path::SceneSurfaces surfaces(context_.scene, segment, context_.rays);
   if (!walk(moved, held, near, surfaces, kWalkRules).converged()) return MutationFailure::no_convergence;
   if (!returns(moved, segment.chain, held, near, surfaces, kWalkRules)) return MutationFailure::no_return;
   return path::with_segment(path, segment, moved);
@@ -207,7 +207,8 @@ std::optional<double> ManifoldMutator::log_pdf_area(const PathState& from, const
     sum += *walked;
   }
   const std::size_t first = choice.from_sensor() ? choice.a - 1 : choice.a + 1;
-  if (!std::isfinite(sum) || !Tracer(context_.scene, from).stops_at(to, choice.a, first, choice.b))
+  if (!std::isfinite(sum) ||
+      !Tracer(context_.scene, from, context_.rays).stops_at(to, choice.a, first, choice.b))
     return std::nullopt;
   return sum;
 }

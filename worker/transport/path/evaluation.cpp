@@ -118,6 +118,7 @@ Evaluation::Evaluation(const scene::Scene& scene, const FullPath& path, const Ru
   if (wanted == Wanted::if_lit && !may_be_lit()) valid_ = false;
   for (std::size_t i = 0; i < k && valid_; ++i)
     if (edges_[i].stretches.size() == 0) valid_ = follow_edge(i);
+  rules_.rays = nullptr;
   if (valid_ && scene.features().media > 0) assign_media();
 }
 
@@ -180,8 +181,7 @@ double Evaluation::rounding() const {
     for (std::size_t j = 0; j < edges_[i].stretches.size(); ++j) {
       const std::uint32_t medium = edges_[i].stretches[j].medium;
       if (medium == scene::kNone) continue;
-      thickest =
-          std::max(thickest, static_cast<double>(scene_.medium(medium).max_sigma_t().max_component()));
+      thickest = std::max(thickest, static_cast<double>(scene_.medium(medium).max_sigma_t().max_component()));
     }
     rounding += 2 * thickest * ends;
   }
@@ -217,6 +217,7 @@ bool Evaluation::follow_edge(std::size_t i) {
   for (std::uint32_t passes = 0; passes < 1000; ++passes) {
     scene::SurfaceHit hit;
     bool found = scene_.intersect(ray, hit);
+    if (rules_.rays != nullptr) ++*rules_.rays;
     while (found && start == 0 && start_in_space && goes_through(hit, p)) {  // nor do they hide it
       ray = spawn_ray(hit, d);
       found = scene_.intersect(ray, hit);

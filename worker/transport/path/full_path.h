@@ -104,6 +104,7 @@ struct Rules {
   double eye_paths = 1;  // per iteration
   // Walks pass surfaces in expectation, not by chance, on the last edge that they may have.
   std::size_t max_edges = 1u << 30, max_light_edges = 1u << 30;
+  std::uint64_t* rays = nullptr;  // counts the rays of an evaluation; null: nobody does
 };
 
 struct Technique {

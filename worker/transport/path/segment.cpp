@@ -139,6 +139,7 @@ bool SceneSurfaces::meet(std::size_t i, const ChainVertex& from, Vec3d towards, 
   Ray ray{Vec3(from.x + from.ng * side), Vec3(d)};
   for (std::uint32_t passes = 0; passes < kMostPasses; ++passes) {
     const auto point = scene_.points().intersect(ray, from.x, d);
+    if (rays_ != nullptr) ++*rays_;
     if (!point) return false;
     const scene::SurfaceHit hit = scene_.points().hit(*point);
     if (hit.bsdf == segment_.bsdfs[i - 1]) return set_surface(scene_, *point, hit.error, out);
