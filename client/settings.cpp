@@ -12,6 +12,7 @@
 #include "common/base/quantity.h"
 #include "common/description/all_errors.h"
 #include "common/description/film_window.h"
+#include "common/description/mutation_flags.h"
 #include "common/description/object_list.h"
 #include "common/description/scene_aovs.h"
 #include "common/description/setting_text.h"
@@ -53,6 +54,14 @@ description::Note passed_over(const Object& written, const std::string& runs, co
 // The property of a scene's integrator that counts under every integrator: the renderer reads it there.
 constexpr std::string_view kOfScene = "strict_normals";
 
+// The setting that a flag of mutations stands for; empty: it is none.
+std::string_view setting_of_flag(std::string_view integrator, std::string_view name) {
+  if (integrator != "mlt") return {};
+  for (const description::MutationFlag& flag : description::kMutationFlags)
+    if (flag.name == name) return flag.setting;
+  return {};
+}
+
 // True if the scene may have the parameter, and it changes nothing here.
 bool is_without_effect(const Object& integrator, const std::string& name) {
   const description::PluginRule* plugin = description::find_plugin("integrator", integrator.plugin);
@@ -88,6 +97,9 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
     settings.integrator = written->plugin;
   }
 
+  CANDELA_ASSIGN(const SettingsMap from_user, parse_assignments(options.sets, "--set"));
+  const auto preset = from_user.find("preset");
+  const bool presets = preset != from_user.end() && preset->second != "none";
   SettingsMap from_scene, of_scene;
   if (job.default_integrator && is_old) from_scene["max_depth"] = "2";
   const bool own = written != nullptr && written->plugin == settings.integrator;
@@ -96,6 +108,12 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
     // say).
     CANDELA_ASSIGN(const std::vector<std::string> settable, facts.setting_names(settings.integrator));
     for (const description::Property& property : written->properties) {
+      if (const std::string_view share = setting_of_flag(written->plugin, property.name); !share.empty()) {
+        // A preset of the command line has shares of its own.
+        const auto* on = std::get_if<bool>(&property.value);
+        if (own && on != nullptr && !presets) from_scene[std::string(share)] = *on ? "1" : "0";
+        continue;
+      }
       const bool can_be_set = std::find(settable.begin(), settable.end(), property.name) != settable.end();
       if (!can_be_set && property.name != kOfScene && (!own || is_without_effect(*written, property.name)))
         continue;
@@ -106,7 +124,6 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
       (property.name == kOfScene ? of_scene : from_scene)[property.name] = *text;
     }
   }
-  CANDELA_ASSIGN(const SettingsMap from_user, parse_assignments(options.sets, "--set"));
   const auto try_complete = [&] {
     SettingsMap given = job.of_effort;
     given.insert(from_scene.begin(), from_scene.end());

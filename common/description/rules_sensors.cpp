@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "common/description/mutation_flags.h"
 #include "common/description/rules.h"
 #include "common/job/integrator_words.h"
 
@@ -258,11 +259,8 @@ void add_integrators(std::vector<PluginRule>& table) {
       integrator_rule(words::kPssmlt, std::move(over), "Metropolis light transport in primary sample space"));
   table.push_back(integrator_rule(words::kMmlt, chains, "multiplexed Metropolis light transport"));
   std::vector<PropertyRule> mutations = chains;
-  constexpr std::string_view kByName = "0.6: mutations have settings by their names: --set";
-  for (const std::string_view name :
-       {"bidirectional_mutation", "lens_perturbation", "multi_chain_perturbation", "caustic_perturbation",
-        "manifold_perturbation"})
-    mutations.push_back(ignored(name, {boolean}, kByName));
+  for (const MutationFlag& one : kMutationFlags)
+    mutations.push_back(flag(one.name, "0.6: the mutation has a share of 1 if true, and none if false"));
   mutations.push_back(ignored("lambda", {number}, "0.6: the steps of mutations follow the scene"));
   table.push_back(
       integrator_rule(words::kMlt, std::move(mutations), "Metropolis light transport in path space"));

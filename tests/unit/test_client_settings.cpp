@@ -318,6 +318,35 @@ TEST(Settings, SharedSettingsCarryOver) {
   EXPECT_EQ(job->settings.integrator_settings.at("max_depth"), "13");
 }
 
+// Claim: flags of Mitsuba 0.6's mutations become shares of mlt, unless the command line has a preset; they
+// count for no other integrator.
+TEST(Settings, FlagsOfMutationsAreShares) {
+  RendererFacts facts = facts_of_chains();
+  facts.integrator_names = [] { return std::vector<std::string>{"path", "mlt"}; };
+  TestScene scene;
+  scene.integrator->plugin = "mlt";
+  scene.integrator->properties.clear();
+  const auto flag = [&](const char* name, bool on) {
+    scene.integrator->properties.push_back({name, PropertyType::boolean, on, {"scene.xml", 3}});
+  };
+  flag("manifold_perturbation", true);
+  flag("lens_perturbation", false);
+  const auto settings = [&](const SceneOptions& options) {
+    const auto job = prepare_job({scene.scene, {"scene.xml"}}, options, facts);
+    EXPECT_TRUE(job.ok()) << job.error().to_string();
+    return job.ok() ? job->settings.integrator_settings : SettingsMap{};
+  };
+  EXPECT_EQ(settings({}).at("manifold"), "1");
+  EXPECT_EQ(settings({}).at("lens"), "0");
+  EXPECT_FALSE(settings({}).contains("manifold_perturbation"));
+  SceneOptions options;
+  options.sets = {"preset=hslt"};
+  EXPECT_FALSE(settings(options).contains("manifold"));
+  options.sets = {};
+  options.integrator = "path";
+  EXPECT_FALSE(settings(options).contains("manifold"));
+}
+
 // Claim: a value of another integrator that the chosen one cannot have does not count, and is no error; of
 // its own it is one.
 TEST(Settings, BadValuesOfOtherIntegratorsDoNotCount) {

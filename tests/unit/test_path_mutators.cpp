@@ -49,10 +49,10 @@ bool on_same_surfaces(const path::Path& a, const path::Path& b) {
   }
   return true;
 }
-// The parameters of all inner vertices, from those of `middle`.
-std::vector<double> offset(const path::Path& middle, const path::Path& to) {
+// The parameters of the vertices of a range, from those of `middle`.
+std::vector<double> offset(const path::Path& middle, const path::Path& to, path::PathRange range) {
   std::vector<double> out;
-  for (std::size_t i = 1; i + 1 < to.vertices.size(); ++i) {
+  for (std::size_t i = range.begin; i < range.end; ++i) {
     out.push_back(to.vertices[i].point.u - middle.vertices[i].point.u);
     out.push_back(to.vertices[i].point.v - middle.vertices[i].point.v);
   }
@@ -67,17 +67,17 @@ double quadratic(const test::Dense& m, const std::vector<double>& v) {
 
 // The mean of 1 / T over proposals within a set of paths is the volume of the set: of an ellipsoid of
 // parameters, by the spread of proposals. False: not all paths of it carry light, so that T is not known
-// there.
+// there. moves: the vertices that the mutation moves.
 bool check_density(const scene::Scene& scene, const PathMutator& mutator, const PathState& from,
-                   std::uint64_t seed) {
+                   path::PathRange moves, std::uint64_t seed) {
   rng::Stream stream(rng::key(46, seed));
-  const std::size_t size = 2 * from.path.inner_count();
+  const std::size_t size = 2 * (moves.end - moves.begin);
   test::Dense spread(size, std::vector<double>(size)), inverse;
   double used = 0;
   for (int n = 0; n < 400; ++n) {
     const auto to = mutator.propose(from, stream);
     if (!to || !on_same_surfaces(from.path, *to)) continue;
-    const std::vector<double> d = offset(from.path, *to);
+    const std::vector<double> d = offset(from.path, *to, moves);
     for (std::size_t i = 0; i < size; ++i)
       for (std::size_t j = 0; j < size; ++j) spread[i][j] += d[i] * d[j];
     ++used;
@@ -98,7 +98,10 @@ bool check_density(const scene::Scene& scene, const PathMutator& mutator, const 
     if (!to) continue;
     EXPECT_EQ(to->vertices.front(), from.path.vertices.front());
     EXPECT_EQ(to->vertices.back(), from.path.vertices.back());
-    if (!on_same_surfaces(from.path, *to) || quadratic(inverse, offset(from.path, *to)) > kRadius2) continue;
+    for (std::size_t i = 0; i < to->vertices.size(); ++i)
+      EXPECT_TRUE((i >= moves.begin && i < moves.end) || to->vertices[i] == from.path.vertices[i]);
+    if (!on_same_surfaces(from.path, *to) || quadratic(inverse, offset(from.path, *to, moves)) > kRadius2)
+      continue;
     const auto there = path_state(scene, *to);
     if (!there) return false;
     const auto forward = mutator.log_pdf_area(from, *there), back = mutator.log_pdf_area(*there, from);
@@ -107,8 +110,7 @@ bool check_density(const scene::Scene& scene, const PathMutator& mutator, const 
     EXPECT_TRUE(log_acceptance(mutator, from, *there));
     ++inside;
     double area = volume;
-    for (std::size_t i = 1; i + 1 < to->vertices.size(); ++i)
-      area *= area_element(scene, to->vertices[i].point);
+    for (std::size_t i = moves.begin; i < moves.end; ++i) area *= area_element(scene, to->vertices[i].point);
     sum += std::exp(-*forward) / area;
     squares += std::exp(-2 * *forward) / (area * area);
   }
@@ -129,9 +131,37 @@ TEST(HalfVectorMutators, HaveTheDensityOfTheirProposals) {
       SCOPED_TRACE(inner);
       int checked = 0;
       for (const PathState& state : states(*scene, mutator, inner, 12))
-        checked += checked < 3 && check_density(*scene, mutator, state, ++seed);
+        checked += checked < 3 && check_density(*scene, mutator, state, {1, inner + 1}, ++seed);
       EXPECT_EQ(checked, 3);
     }
+  }
+}
+
+// Between diffuse vertices: these, and all beyond them, stay.
+TEST(HalfVectorMutators, SegmentsHaveTheDensityOfTheirProposals) {
+  const auto scene = path::scene_of(path::cases()[4]);
+  std::uint64_t seed = 350;
+  for (const bool one_step : {true, false}) {
+    const HalfVectorMutator mutator(*scene, {one_step, {0.1, 1}, true});
+    SCOPED_TRACE(std::string(mutator.name()));
+    int checked = 0;
+    for (const PathState& state : states(*scene, mutator, 3, 40)) {
+      // One segment, of which all vertices move together.
+      rng::Stream stream(rng::key(46, ++seed));
+      std::optional<path::PathRange> moves;
+      bool one = true;
+      for (int n = 0; n < 30; ++n) {
+        const auto to = mutator.propose(state, stream);
+        if (!to) continue;
+        const path::PathRange range = path::changed_range(state.path, *to);
+        one = one && (!moves || (moves->begin == range.begin && moves->end == range.end));
+        moves = range;
+      }
+      if (!moves || !one || moves->end == moves->begin || moves->end - moves->begin == 3 || checked == 3)
+        continue;
+      checked += check_density(*scene, mutator, state, *moves, seed + 100);
+    }
+    EXPECT_EQ(checked, 3);
   }
 }
 

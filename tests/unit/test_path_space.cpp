@@ -297,6 +297,69 @@ TEST(PathSpace, ChainsGoThroughBytesWithoutAChange) {
   }
 }
 
+// What a new state copies from the state before it is what it would compute.
+TEST(PathSpace, SharedVerticesAreCopiedToTheBit) {
+  for (const path::Case& c : path::cases()) {
+    SCOPED_TRACE(c.name);
+    const auto scene = path::scene_of(c);
+    const MutatorContext context = context_of(*scene);
+    PathSpace space(context, bidirectional());
+    const BidirectionalMutator mutator(context);
+    int shared = 0;
+    for (const std::size_t inner : {1u, 3u})
+      for (const PathState& from : states(space, inner, 4)) {
+        if (!(mutator.suitability(from) > 0)) continue;
+        rng::Stream stream(rng::key(46, 450, inner));
+        for (int n = 0; n < 60; ++n) {
+          const Proposal to = mutator.propose(from, stream);
+          if (!to) continue;
+          const auto alone = path_state(*scene, *to, context.rules());
+          const auto near = path_state(*scene, *to, context.rules(), &from);
+          ASSERT_EQ(alone.has_value(), near.has_value());
+          if (!alone) continue;
+          EXPECT_EQ(alone->contribution, near->contribution);
+          const path::PathNumbers &a = alone->evaluation().numbers(), &b = near->evaluation().numbers();
+          EXPECT_EQ(a.pdf_to_eye, b.pdf_to_eye);
+          EXPECT_EQ(a.pdf_to_light, b.pdf_to_light);
+          EXPECT_EQ(a.factor_to_eye, b.factor_to_eye);
+          EXPECT_EQ(a.factor_to_light, b.factor_to_light);
+          EXPECT_EQ(a.distance_squared, b.distance_squared);
+          EXPECT_EQ(a.survival, b.survival);
+          EXPECT_EQ(a.light_prob, b.light_prob);
+          EXPECT_EQ(a.light_direct, b.light_direct);
+          EXPECT_EQ(a.lens_prob, b.lens_prob);
+          EXPECT_EQ(space.log_pdf_area(*alone), space.log_pdf_area(*near));
+          EXPECT_EQ(alone->assembled().film.x, near->assembled().film.x);
+          shared += path::changed_range(from.path, *to).begin > 0;
+        }
+      }
+    EXPECT_GT(shared, 0);
+  }
+}
+
+// Counts are of the calls since they were last taken.
+TEST(PathSpace, CountsAddUp) {
+  const auto scene = path::scene_of(path::cases()[0]);
+  Driven driven(context_of(*scene));
+  std::uint64_t key = 0;
+  do driven.space.start(rng::key(46, 460, key++), driven.proposal);
+  while (!(driven.proposal.scalar() > 0));
+  driven.scalar = driven.proposal.scalar();
+  driven.space.take_counts();
+  for (std::uint64_t i = 0; i < 200; ++i) driven.step(i);
+  const auto counts = driven.space.take_counts();
+  ASSERT_EQ(counts.size(), 1u);
+  EXPECT_EQ(counts[0].name, "bidirectional");
+  std::uint64_t failed = 0;
+  for (const std::uint64_t one : counts[0].failed) failed += one;
+  EXPECT_GT(counts[0].proposed, 50u);
+  EXPECT_GT(counts[0].accepted, 0u);
+  EXPECT_GT(failed, 0u);
+  EXPECT_LE(counts[0].accepted + failed, counts[0].proposed);
+  EXPECT_GT(counts[0].rays, counts[0].proposed / 2);
+  EXPECT_EQ(driven.space.take_counts()[0].proposed, 0u);
+}
+
 // A path's seed is its sample and the technique that made it, and it is found again by it.
 TEST(PathSpace, SeedsMakeTheirPaths) {
   const auto scene = path::scene_of(path::cases()[1]);

@@ -17,6 +17,13 @@ namespace {
 enum Purpose : std::uint64_t { technique, vertices, mutation_choice, mutation_draws };
 constexpr std::uint64_t kPathSpace = 0x70617468;  // "path"
 
+static_assert(kMutationFailures == chains::kMutationFailures.size() + 1, "a cause has no name");
+
+MutatorContext counting(MutatorContext context, std::uint64_t& rays) {
+  context.rays = &rays;
+  return context;
+}
+
 rng::Stream stream_of(std::uint64_t key, Purpose purpose) {
   return rng::Stream(rng::key(key, kPathSpace, purpose));
 }
@@ -25,7 +32,7 @@ rng::Stream stream_of(std::uint64_t key, Purpose purpose) {
 
 PathSpace::PathSpace(const MutatorContext& context, std::span<const MutatorShare> shares,
                      const transport::PathLetters* letters)
-    : context_(context),
+    : context_(counting(context, rays_)),
       letters_(letters),
       rules_(context.rules()),
       lengths_(context.min_edges, std::max(context.min_edges, context.max_edges)),
@@ -34,7 +41,13 @@ PathSpace::PathSpace(const MutatorContext& context, std::span<const MutatorShare
     shares_.push_back(share.share);
     mutators_.push_back(share.entry->make(context_));
   }
-  counts_.resize(shares.size());
+  for (const MutatorShare& share : shares) counts_.push_back({std::string(share.entry->name), 0, 0, {}, 0});
+}
+
+std::vector<chains::MutationCounts> PathSpace::take_counts() {
+  std::vector<chains::MutationCounts> out = counts_;
+  for (chains::MutationCounts& counts : counts_) counts = {counts.name, 0, 0, {}, 0};
+  return out;
 }
 
 PathSpace::Technique PathSpace::choose(rng::Stream& stream) const {
@@ -65,8 +78,8 @@ std::optional<double> PathSpace::log_pdf_area(const PathState& path) const {
   return *density + math::log(lengths_.prob(static_cast<std::uint32_t>(path.path.edge_count())));
 }
 
-std::optional<PathSpace::State> PathSpace::state(Path path) const {
-  auto found = path_state(context_.scene, std::move(path), rules_);
+std::optional<PathSpace::State> PathSpace::state(Path path, const PathState* near) const {
+  auto found = path_state(context_.scene, std::move(path), rules_, near);
   if (!found) return std::nullopt;
   State out;
   out.path = *std::move(found);
@@ -123,16 +136,26 @@ double PathSpace::propose_mutation(std::uint64_t key) {
     u -= from.suitabilities[i];
     if (u < 0) break;
   }
-  const PathMutator& mutator = *mutators_[mutator_];
-  MutatorCounts& counts = counts_[mutator_];
+  chains::MutationCounts& counts = counts_[mutator_];
   ++counts.proposed;
-  const auto failed = [&](MutationFailure why) {
-    ++counts.failed[static_cast<std::size_t>(why)];
+  const std::uint64_t rays_before = rays_;
+  MutationFailure why = MutationFailure::none;
+  const double ratio = quotient(from, *mutators_[mutator_], draws, why);
+  counts.rays += rays_ - rays_before;
+  if (why != MutationFailure::none) ++counts.failed[static_cast<std::size_t>(why) - 1];
+  return ratio;
+}
+
+// Makes the proposal. 0: it fails, and `why` says why.
+double PathSpace::quotient(const State& from, const PathMutator& mutator, rng::Stream& draws,
+                           MutationFailure& why) {
+  const auto failed = [&](MutationFailure cause) {
+    why = cause;
     return 0.0;
   };
   Proposal made = mutator.propose(from.path, draws);
   if (!made) return failed(made.failure());
-  auto to = state(std::move(*made));
+  auto to = state(std::move(*made), &from.path);
   if (!to) return failed(MutationFailure::dark);
   if (!(to->suitabilities[mutator_] > 0)) return failed(MutationFailure::one_way);
   const auto forward = mutator.log_pdf_area(from.path, to->path),

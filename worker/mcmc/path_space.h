@@ -30,17 +30,13 @@ struct MutatorShare {
   double share = 0;  // > 0
 };
 
-// Counts of one mutation, in a space's life.
-struct MutatorCounts {
-  std::uint64_t proposed = 0, accepted = 0;
-  std::array<std::uint64_t, kMutationFailures> failed{};
-};
-
 class PathSpace final : public StateSpace {
  public:
   // letters: for layers by expressions; null: nobody asks for some.
   PathSpace(const MutatorContext& context, std::span<const MutatorShare> shares,
             const transport::PathLetters* letters = nullptr);
+  PathSpace(const PathSpace&) = delete;  // mutators count rays in it
+  PathSpace& operator=(const PathSpace&) = delete;
 
   void start(std::uint64_t key, SplatList& out) override;
   double propose(const Mutation& mutation, SplatList& out) override;
@@ -55,8 +51,9 @@ class PathSpace final : public StateSpace {
   const PathState* present() const { return present_ ? &present_->path : nullptr; }
   // log p. Nothing: it is 0, or cannot be held.
   std::optional<double> log_pdf_area(const PathState& path) const;
+  std::vector<chains::MutationCounts> take_counts() override;
   // By mutation, in the order of the shares.
-  const std::vector<MutatorCounts>& counts() const { return counts_; }
+  const std::vector<chains::MutationCounts>& counts() const { return counts_; }
 
  private:
   struct State {
@@ -71,10 +68,13 @@ class PathSpace final : public StateSpace {
 
   Technique choose(rng::Stream& stream) const;
   std::optional<State> independent(std::uint64_t key) const;
-  std::optional<State> state(transport::path::Path path) const;
+  // near: as of path_state().
+  std::optional<State> state(transport::path::Path path, const PathState* near = nullptr) const;
   double propose_mutation(std::uint64_t key);
+  double quotient(const State& from, const PathMutator& mutator, rng::Stream& draws, MutationFailure& why);
   void put(const State& state, SplatList& out) const;
 
+  std::uint64_t rays_ = 0;  // of all that was done so far
   const MutatorContext context_;
   const transport::PathLetters* const letters_;
   transport::path::Rules rules_;
@@ -84,7 +84,7 @@ class PathSpace final : public StateSpace {
   std::vector<std::unique_ptr<PathMutator>> mutators_;
   std::optional<State> present_, proposal_;
   std::size_t mutator_ = 0;  // of the proposal; their number: a large step
-  std::vector<MutatorCounts> counts_;
+  std::vector<chains::MutationCounts> counts_;
 };
 
 }  // namespace candela::mcmc

@@ -24,13 +24,16 @@ class MltIntegrator final : public ChainIntegrator {
                         settings.common.full_plan(), 2),
         shortest_(chain_options().min_edges),
         longest_(std::min(chain_options().max_depth, kLongest)) {
-    for (std::size_t i = 0; i < settings.mutations.shares.size(); ++i) {
-      const mcmc::MutatorEntry& entry = mcmc::mutators()[i];
-      const double share = settings.mutations.shares[i];
-      if (!(share > 0)) continue;
-      shares_.push_back({&entry, share});
-      plan_.use(std::string(entry.name), fmt::format("share {:.3g}: {}", share, entry.doc));
-    }
+    for (const mcmc::MutatorPreset& preset : mcmc::mutator_presets())
+      if (preset.name == settings.mutations.preset.value)
+        for (const mcmc::MutatorEntry& entry : preset.mutations) shares_.push_back({&entry, entry.share});
+    const bool own = shares_.empty();
+    for (std::size_t i = 0; own && i < settings.mutations.shares.size(); ++i)
+      if (settings.mutations.shares[i] > 0)
+        shares_.push_back({&mcmc::mutators()[i], settings.mutations.shares[i]});
+    for (const mcmc::MutatorShare& share : shares_)
+      plan_.use(std::string(share.entry->name),
+                fmt::format("share {:.3g}: {}", share.share, share.entry->doc));
     if (longest_ < shortest_) {
       plan_.skip("chains", "max_depth leaves nothing to them");
       return;
@@ -70,6 +73,13 @@ class MltIntegrator final : public ChainIntegrator {
 }  // namespace
 
 Result<void> check(const MutatorSettings& settings) {
+  for (std::size_t i = 0; i < settings.shares.size(); ++i) {
+    const mcmc::MutatorEntry& entry = mcmc::mutators()[i];
+    if (settings.preset.value == MutatorSettings::kOwn || settings.shares[i] == entry.share) continue;
+    return usage_error(fmt::format("preset = {} has shares of its own", settings.preset.value))
+        .with_field(std::string(entry.name))
+        .with_mend("leave out this share, or preset");
+  }
   if (std::any_of(settings.shares.begin(), settings.shares.end(), [](double share) { return share > 0; }))
     return {};
   return usage_error("no mutation has a share")

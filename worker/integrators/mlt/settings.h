@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "worker/integrators/chains/settings.h"
@@ -10,18 +12,25 @@ namespace candela::integrators {
 
 // Shares of mutations, in the order of mcmc::mutators().
 struct MutatorSettings {
+  static constexpr std::string_view kOwn = "none";
+
+  Choice preset{std::string(kOwn), {kOwn}};
   std::vector<double> shares;
 
   MutatorSettings() {
+    for (const mcmc::MutatorPreset& known : mcmc::mutator_presets()) preset.names.push_back(known.name);
     for (const mcmc::MutatorEntry& entry : mcmc::mutators()) shares.push_back(entry.share);
   }
   template <class Visitor>
   void fields(Visitor& visit) {
+    visit("preset", preset,
+          "mutations and shares that go well together, in place of the shares below: mlt (Veach's), memlt "
+          "(manifold exploration), hslt (half vectors)");
     for (std::size_t i = 0; i < shares.size(); ++i)
       visit(mcmc::mutators()[i].name, shares[i], NumberRange{0, 1}, mcmc::mutators()[i].doc);
   }
 };
-// One of the shares is above 0.
+// One of the shares is above 0; with a preset all have their defaults.
 Result<void> check(const MutatorSettings& settings);
 
 struct MltSettings {

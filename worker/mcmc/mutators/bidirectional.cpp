@@ -28,20 +28,29 @@ double weight_of_addition(std::size_t difference) {
 
 }  // namespace
 
+bool BidirectionalMutator::can_add(const Subpaths::Kept& kept, std::size_t deleted, std::size_t a) const {
+  const std::size_t vertices = kept.light + kept.eye + a;
+  if (vertices < std::size_t{context_.min_edges} + 1 || vertices > std::size_t{context_.max_edges} + 1)
+    return false;
+  // The same path: nothing changes, or a pinhole takes its own place.
+  const bool pinhole_alone = kept.eye == 0 && deleted == 1 && !context_.scene.reads_lens();
+  if (a == deleted && (deleted == 0 || pinhole_alone)) return false;
+  return subpaths_.choices(kept, a).count > 0;
+}
+
 template <class Visit>
 void BidirectionalMutator::for_each_addition(const Subpaths::Kept& kept, std::size_t deleted,
                                              const Visit& visit) const {
   const std::size_t least = deleted > kMaxDifference ? deleted - kMaxDifference : 0;
-  for (std::size_t a = least; a <= deleted + kMaxDifference; ++a) {
-    const std::size_t vertices = kept.light + kept.eye + a;
-    if (vertices < std::size_t{context_.min_edges} + 1 || vertices > std::size_t{context_.max_edges} + 1)
-      continue;
-    // The same path: nothing changes, or a pinhole takes its own place.
-    const bool pinhole_alone = kept.eye == 0 && deleted == 1 && !context_.scene.reads_lens();
-    if (a == deleted && (deleted == 0 || pinhole_alone)) continue;
-    if (subpaths_.choices(kept, a).count == 0) continue;
-    visit(a, weight_of_addition(a > deleted ? a - deleted : deleted - a));
-  }
+  for (std::size_t a = least; a <= deleted + kMaxDifference; ++a)
+    if (can_add(kept, deleted, a)) visit(a, weight_of_addition(a > deleted ? a - deleted : deleted - a));
+}
+
+bool BidirectionalMutator::any_addition(const Subpaths::Kept& kept, std::size_t deleted) const {
+  const std::size_t least = deleted > kMaxDifference ? deleted - kMaxDifference : 0;
+  for (std::size_t a = least; a <= deleted + kMaxDifference; ++a)
+    if (can_add(kept, deleted, a)) return true;
+  return false;
 }
 
 // All that may be taken away of a path.
@@ -53,6 +62,7 @@ struct BidirectionalMutator::Ranges final : Memo {
 const BidirectionalMutator::Ranges& BidirectionalMutator::ranges(const PathState& from) const {
   return from.memo<Ranges>(this, [&] {
     auto made = std::make_unique<Ranges>();
+    made->all.reserve(16);
     const std::vector<PathVertex>& v = from.path.vertices;
     const std::size_t count = v.size();
     for (std::size_t light = 0; light < count; ++light) {
@@ -61,9 +71,7 @@ const BidirectionalMutator::Ranges& BidirectionalMutator::ranges(const PathState
       for (std::size_t m = std::max<std::size_t>(light, 1); m <= std::min(count, light + kMaxDeleted); ++m) {
         if (m < count && v[m].delta) continue;
         const Range range{{light, count - m}, weight_of_deletion(m - light)};
-        bool goes_on = false;
-        for_each_addition(range.kept, m - light, [&](std::size_t, double) { goes_on = true; });
-        if (!goes_on) continue;
+        if (!any_addition(range.kept, m - light)) continue;
         made->all.push_back(range);
         made->sum += range.weight;
       }

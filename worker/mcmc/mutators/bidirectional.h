@@ -35,6 +35,9 @@ class BidirectionalMutator final : public PathMutator {
   };
   struct Ranges;
   const Ranges& ranges(const PathState& from) const;
+  // True if `a` vertices may take the place of `deleted` ones; and if there is such a number.
+  bool can_add(const Subpaths::Kept& kept, std::size_t deleted, std::size_t a) const;
+  bool any_addition(const Subpaths::Kept& kept, std::size_t deleted) const;
   // Calls visit(a, weight) for each number of vertices that may take the place of `deleted` ones.
   template <class Visit>
   void for_each_addition(const Subpaths::Kept& kept, std::size_t deleted, const Visit& visit) const;

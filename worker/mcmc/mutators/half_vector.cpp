@@ -1,11 +1,13 @@
 #include "worker/mcmc/mutators/half_vector.h"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <utility>
 #include <vector>
 
 #include "worker/core/math.h"
+#include "worker/mcmc/mutators/tracing.h"
 #include "worker/transport/manifold/geometry_terms.h"
 #include "worker/transport/manifold/walk.h"
 
@@ -18,6 +20,7 @@ namespace {
 
 std::vector<double> tolerances(const PreparedChain& chain, double gamma) {
   std::vector<double> out;
+  out.reserve(chain.alphas.size());
   for (const double alpha : chain.alphas) out.push_back(tolerance(gamma, alpha));
   return out;
 }
@@ -30,79 +33,145 @@ std::vector<Pair> held_slopes(const PreparedChain& chain) {
   return out;
 }
 
+// A lobe as wide as this is diffuse.
+constexpr double kDiffuse = 0.5;
+
 bool same_kinds(const path::Path& a, const path::Path& b) {
-  if (a.vertices.size() != b.vertices.size()) return false;
-  for (std::size_t i = 0; i < a.vertices.size(); ++i) {
-    const path::PathVertex &v = a.vertices[i], &w = b.vertices[i];
-    if (v.kind != w.kind || v.delta != w.delta || v.transmitted != w.transmitted) return false;
+  return differ_within(a, b, 1, a.vertices.size() - 1);
+}
+
+// The stretch of both paths in which they differ. Nothing: there is none, or the paths are broken elsewhere.
+template <class Stretch>
+std::optional<std::size_t> moved_stretch(const std::vector<Stretch>& from, const std::vector<Stretch>& to,
+                                         const path::Path& a, const path::Path& b) {
+  if (from.size() != to.size()) return std::nullopt;
+  const path::PathRange changed = path::changed_range(a, b);
+  std::optional<std::size_t> found;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    const path::Segment &x = from[i].segment, &y = to[i].segment;
+    if (x.begin != y.begin || x.end != y.end) return std::nullopt;
+    if (x.begin < changed.begin && changed.end <= x.end) found = i;
   }
-  return a.vertices.front() == b.vertices.front() && a.vertices.back() == b.vertices.back();
+  return found;
 }
 
 }  // namespace
 
-const std::optional<HalfVectorMutator::Prepared>& HalfVectorMutator::prepared(const PathState& state) const {
-  return state
-      .memo<PreparedMemo>(this,
-                          [&] {
-                            auto made = std::make_unique<PreparedMemo>();
-                            made->prepared = prepare_path(state);
-                            return made;
-                          })
-      .prepared;
+// True if the path is broken at an inner vertex.
+bool HalfVectorMutator::breaks(const PathState& state, std::size_t i) const {
+  if (state.path.vertices[i].delta) return false;
+  path::Segment alone;
+  if (path::make_segment(scene_, state.path, state.assembled(), i - 1, i + 1, alone) != path::NoSegment::none)
+    return true;
+  return alone.alphas.front() >= kDiffuse;
 }
 
-std::optional<HalfVectorMutator::Prepared> HalfVectorMutator::prepare_path(const PathState& state) const {
-  Prepared out;
+void HalfVectorMutator::add_stretch(const PathState& state, std::size_t begin, std::size_t end,
+                                    std::vector<Stretch>& out) const {
+  if (end < begin + 2) return;
+  Stretch made;
+  if (path::make_segment(scene_, state.path, state.assembled(), begin, end, made.segment) !=
+      path::NoSegment::none)
+    return;
+  const std::vector<double>& alphas = made.segment.alphas;
+  const bool specular = std::any_of(alphas.begin(), alphas.end(), [](double alpha) { return !(alpha > 0); });
+  const bool glossy = std::any_of(alphas.begin(), alphas.end(), [](double alpha) { return alpha > 0; });
+  // Without a slope that is free nothing of a segment moves.
+  if ((rules_.one_step && specular) || (rules_.segments && !glossy)) return;
+  out.push_back(std::move(made));
+}
+
+const std::vector<HalfVectorMutator::Stretch>& HalfVectorMutator::stretches(const PathState& state) const {
+  return state
+      .memo<Stretches>(this,
+                       [&] {
+                         auto made = std::make_unique<Stretches>();
+                         const std::size_t k = state.path.edge_count();
+                         std::size_t begin = 0;
+                         for (std::size_t i = 1; rules_.segments && i < k; ++i) {
+                           if (!breaks(state, i)) continue;
+                           add_stretch(state, begin, i, made->all);
+                           begin = i;
+                         }
+                         add_stretch(state, begin, k, made->all);
+                         return made;
+                       })
+      .all;
+}
+
+const std::optional<PreparedChain>& HalfVectorMutator::prepared(const PathState& state,
+                                                                const Stretch& stretch) const {
+  if (!stretch.is_prepared) stretch.chain = prepare_stretch(state, stretch.segment);
+  stretch.is_prepared = true;
+  return stretch.chain;
+}
+
+std::optional<PreparedChain> HalfVectorMutator::prepare_stretch(const PathState& state,
+                                                                const path::Segment& segment) const {
   const std::size_t k = state.path.edge_count();
-  if (k < 2 ||
-      path::make_segment(scene_, state.path, state.assembled(), 0, k, out.segment) != path::NoSegment::none)
-    return std::nullopt;
-  const Vec3d numbers = state.path.vertices.back().place;
-  const Vec2 lens{static_cast<float>(numbers.x), static_cast<float>(numbers.y)};
-  const auto film =
-      path::to_film(scene_, out.segment.chain.vertices[k - 1], state.assembled().edges.back().length, lens);
-  if (!film) return std::nullopt;
-  auto chain = prepare(out.segment.chain, out.segment.alphas, *film, rules_.step);
-  if (!chain || (rules_.one_step && chain->any_specular())) return std::nullopt;
-  out.chain = *std::move(chain);
-  return out;
+  Mat2 on_film;  // 0: the vertex next to the sensor stays, and so does the film position
+  if (segment.end == k) {
+    const Vec3d numbers = state.path.vertices.back().place;
+    const Vec2 lens{static_cast<float>(numbers.x), static_cast<float>(numbers.y)};
+    const auto film = path::to_film(scene_, segment.chain.vertices[segment.chain.vertices.size() - 2],
+                                    state.assembled().edges.back().length, lens);
+    if (!film) return std::nullopt;
+    on_film = *film;
+  }
+  return prepare(segment.chain, segment.alphas, on_film, rules_.step);
 }
 
 double HalfVectorMutator::suitability(const PathState& from) const {
-  return prepared(from) ? 1 : 0;
+  return stretches(from).empty() ? 0 : 1;
 }
 
 Proposal HalfVectorMutator::propose(const PathState& from, rng::Stream& stream) const {
-  const auto& here = prepared(from);
+  const std::vector<Stretch>& all = stretches(from);
+  if (all.empty()) return MutationFailure::no_path;
+  std::size_t chosen = 0;
+  if (rules_.segments)
+    chosen = std::min(static_cast<std::size_t>(stream.next_double() * static_cast<double>(all.size())),
+                      all.size() - 1);
+  const path::Segment& segment = all[chosen].segment;
+  const auto& here = prepared(from, all[chosen]);
   if (!here) return MutationFailure::no_path;
   std::vector<Pair> normals;
-  for (std::size_t i = 0; i < here->chain.slopes.size(); ++i) {
+  normals.reserve(here->slopes.size());
+  for (std::size_t i = 0; i < here->slopes.size(); ++i) {
     const double u = stream.next_double();
     normals.push_back(normal_pair(u, stream.next_double()));
   }
-  const std::vector<Pair> slopes = propose_slopes(here->chain, normals);
-  const path::SceneSurfaces surfaces(scene_, here->segment);
-  Chain moved = here->chain.chain;
+  const std::vector<Pair> slopes = propose_slopes(*here, normals);
+  const path::SceneSurfaces surfaces(scene_, segment, rays_);
+  Chain moved = here->chain;
   if (rules_.one_step) {
-    if (!propose_one_step(here->chain, slopes, surfaces, moved)) return MutationFailure::no_path;
+    if (!propose_one_step(*here, slopes, surfaces, moved)) return MutationFailure::no_path;
   } else {
-    const std::vector<double> near = tolerances(here->chain, rules_.step.gamma);
+    const std::vector<double> near = tolerances(*here, rules_.step.gamma);
     if (!walk(moved, slopes, near, surfaces, {}).converged()) return MutationFailure::no_convergence;
-    if (!returns(moved, here->chain.chain, held_slopes(here->chain), near, surfaces, {}))
+    if (!returns(moved, here->chain, held_slopes(*here), near, surfaces, {}))
       return MutationFailure::no_return;
   }
-  return path::with_segment(from.path, here->segment, moved);
+  return path::with_segment(from.path, segment, moved);
 }
 
 std::optional<double> HalfVectorMutator::log_pdf_area(const PathState& from, const PathState& to) const {
   if (!same_kinds(from.path, to.path)) return std::nullopt;
-  const auto &here = prepared(from), &there = prepared(to);
+  const std::vector<Stretch>&all = stretches(from), &others = stretches(to);
+  if (all.empty() || others.empty()) return std::nullopt;
+  const auto moved =
+      rules_.segments ? moved_stretch(all, others, from.path, to.path) : std::optional<std::size_t>(0);
+  if (!moved) return std::nullopt;
+  const auto &here = prepared(from, all[*moved]), &there = prepared(to, others[*moved]);
   if (!here || !there) return std::nullopt;
-  if (rules_.one_step) return log_pdf_one_step_area(here->chain, there->chain.chain);
-  double sum = log_pdf_slopes(here->chain, there->chain.slopes) + there->chain.jacobian.log_abs_det();
-  for (std::size_t i = 0; i < there->chain.alphas.size(); ++i)
-    if (!(there->chain.alphas[i] > 0)) sum += math::log(light_angle_by_constraint(there->chain.chain, i + 1));
+  const double log_chosen = -math::log(static_cast<double>(all.size()));
+  if (rules_.one_step) {
+    const auto step = log_pdf_one_step_area(*here, there->chain);
+    return step ? std::optional(*step + log_chosen) : std::nullopt;
+  }
+  double sum = log_chosen + log_pdf_slopes(*here, there->slopes) + there->jacobian.log_abs_det();
+  for (std::size_t i = 0; i < there->alphas.size(); ++i)
+    if (!(there->alphas[i] > 0)) sum += math::log(light_angle_by_constraint(there->chain, i + 1));
   if (!std::isfinite(sum)) return std::nullopt;
   return sum;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <vector>
 
@@ -28,12 +29,14 @@ constexpr WalkRules kWalkRules{.return_distance = 1e-5};
 // All choices of three vertices; of those with specular vertices if there are any.
 std::vector<Choice> choices(const path::Path& path) {
   std::vector<std::size_t> free;
+  free.reserve(path.vertices.size());
   for (std::size_t i = 0; i < path.vertices.size(); ++i)
     if (!path.vertices[i].delta) free.push_back(i);
   const auto can_end_chain = [&](std::size_t end, std::size_t b) {
     return std::max(end, b) - std::min(end, b) == 1 || path.vertices[end].kind != Kind::medium;
   };
   std::vector<Choice> out;
+  out.reserve(free.size());
   for (std::size_t j = 1; j + 1 < free.size(); ++j) {
     const std::size_t light = free[j - 1], b = free[j], sensor = free[j + 1];
     if (path.vertices[b].kind != Kind::surface) continue;
@@ -99,8 +102,23 @@ bool make_chain(const scene::Scene& scene, const PathState& state, const Choice&
 
 }  // namespace
 
+struct ManifoldMutator::Choices final : Memo {
+  std::vector<Choice> all;
+};
+
+const std::vector<Choice>& ManifoldMutator::choices_of(const PathState& from) const {
+  return from
+      .memo<Choices>(this,
+                     [&] {
+                       auto made = std::make_unique<Choices>();
+                       made->all = choices(from.path);
+                       return made;
+                     })
+      .all;
+}
+
 double ManifoldMutator::suitability(const PathState& from) const {
-  return choices(from.path).empty() ? 0 : 1;
+  return choices_of(from).empty() ? 0 : 1;
 }
 
 // The angle at a that moves the film position by the step, if nothing but distances counts.
@@ -112,7 +130,7 @@ double ManifoldMutator::angle_scale(const PathState& from, const Choice& choice)
 
 bool ManifoldMutator::trace(const PathState& from, const Choice& choice, rng::Stream& stream,
                             path::Path& path) const {
-  const Tracer tracer(context_.scene, from);
+  const Tracer tracer(context_.scene, from, context_.rays);
   const double scale = draw_scale(stream), u = stream.next_double(), v = stream.next_double();
   if (choice.a == path.edge_count()) {
     const Pair offset = normal_pair(u, v) * (step_ * scale);
@@ -126,7 +144,7 @@ bool ManifoldMutator::trace(const PathState& from, const Choice& choice, rng::St
 }
 
 Proposal ManifoldMutator::propose(const PathState& from, rng::Stream& stream) const {
-  const std::vector<Choice> all = choices(from.path);
+  const std::vector<Choice>& all = choices_of(from);
   if (all.empty()) return MutationFailure::no_path;
   const Choice choice = all[std::min(
       static_cast<std::size_t>(stream.next_double() * static_cast<double>(all.size())), all.size() - 1)];
@@ -142,7 +160,7 @@ Proposal ManifoldMutator::propose(const PathState& from, rng::Stream& stream) co
     return MutationFailure::no_path;
   const std::vector<Pair> held(moved.inner_count());
   const std::vector<double> near(moved.inner_count(), tolerance(1, 0));
-  const path::SceneSurfaces surfaces(context_.scene, segment);
+  const path::SceneSurfaces surfaces(context_.scene, segment, context_.rays);
   if (!walk(moved, held, near, surfaces, kWalkRules).converged()) return MutationFailure::no_convergence;
   if (!returns(moved, segment.chain, held, near, surfaces, kWalkRules)) return MutationFailure::no_return;
   return path::with_segment(path, segment, moved);
@@ -162,7 +180,7 @@ std::optional<double> ManifoldMutator::log_pdf_walk(const PathState& to, const C
 }
 
 std::optional<double> ManifoldMutator::log_pdf_area(const PathState& from, const PathState& to) const {
-  const std::vector<Choice> all = choices(from.path);
+  const std::vector<Choice>& all = choices_of(from);
   const auto moves = [&](const Choice& choice) {
     return differ_within(from.path, to.path, std::min(choice.a, choice.c) + 1,
                          std::max(choice.a, choice.c)) &&
@@ -189,7 +207,8 @@ std::optional<double> ManifoldMutator::log_pdf_area(const PathState& from, const
     sum += *walked;
   }
   const std::size_t first = choice.from_sensor() ? choice.a - 1 : choice.a + 1;
-  if (!std::isfinite(sum) || !Tracer(context_.scene, from).stops_at(to, choice.a, first, choice.b))
+  if (!std::isfinite(sum) ||
+      !Tracer(context_.scene, from, context_.rays).stops_at(to, choice.a, first, choice.b))
     return std::nullopt;
   return sum;
 }

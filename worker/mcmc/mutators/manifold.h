@@ -18,6 +18,7 @@
 #include <cstddef>
 #include <optional>
 #include <string_view>
+#include <vector>
 
 #include "worker/mcmc/mutators/context.h"
 #include "worker/mcmc/mutators/mutator.h"
@@ -44,6 +45,8 @@ class ManifoldMutator final : public PathMutator {
   };
 
  private:
+  struct Choices;
+  const std::vector<Choice>& choices_of(const PathState& from) const;
   double angle_scale(const PathState& from, const Choice& choice) const;
   bool trace(const PathState& from, const Choice& choice, rng::Stream& stream,
              transport::path::Path& path) const;

@@ -6,11 +6,15 @@
 namespace candela::mcmc {
 
 std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
-                                    const transport::path::Rules& rules) {
-  auto assembled = transport::path::assemble(scene, path, rules.film_border);
+                                    const transport::path::Rules& rules, const PathState* near) {
+  transport::path::SharedVertices shared;
+  if (near != nullptr) shared = transport::path::shared_vertices(near->assembled(), near->path, path);
+  auto assembled = transport::path::assemble(scene, path, rules.film_border, shared);
   if (!assembled) return std::nullopt;
+  transport::path::SharedEnds ends;
+  if (near != nullptr) ends = {&near->evaluation(), shared.light, shared.sensor};
   PathState out;
-  out.stands_on_ = std::make_shared<PathState::StandsOn>(scene, *std::move(assembled), rules);
+  out.stands_on_ = std::make_shared<PathState::StandsOn>(scene, *std::move(assembled), rules, ends);
   const transport::path::Evaluation& evaluation = out.evaluation();
   if (!evaluation.valid()) return std::nullopt;
   const auto contribution = evaluation.contribution();

@@ -46,10 +46,12 @@ class PathState {
 
  private:
   friend std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
-                                             const transport::path::Rules& rules);
+                                             const transport::path::Rules& rules, const PathState* near);
   struct StandsOn {
-    StandsOn(const scene::Scene& scene, transport::path::Assembled whole, const transport::path::Rules& rules)
-        : assembled(std::move(whole)), evaluation(scene, assembled.path, rules) {}
+    StandsOn(const scene::Scene& scene, transport::path::Assembled whole, const transport::path::Rules& rules,
+             const transport::path::SharedEnds& shared)
+        : assembled(std::move(whole)),
+          evaluation(scene, assembled.path, rules, shared, transport::path::Wanted::if_lit) {}
     StandsOn(const StandsOn&) = delete;
     StandsOn& operator=(const StandsOn&) = delete;
     transport::path::Assembled assembled;
@@ -60,8 +62,10 @@ class PathState {
 };
 
 // Nothing: the path carries no light, or it leaves the film. film_border: pixels around the film that count
-// as on it.
+// as on it. near: a state of the same scene and rules, as the one that was mutated; what follows from
+// vertices that both have is copied from it. The result is the same to the bit.
 std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
-                                    const transport::path::Rules& rules = {});
+                                    const transport::path::Rules& rules = {},
+                                    const PathState* near = nullptr);
 
 }  // namespace candela::mcmc

@@ -29,26 +29,63 @@ std::unique_ptr<PathMutator> make_manifold(const MutatorContext& context) {
   return std::make_unique<ManifoldMutator>(context, 0.02 * std::min(context.film_width, context.film_height));
 }
 std::unique_ptr<PathMutator> make_half_vector(const MutatorContext& context) {
-  return std::make_unique<HalfVectorMutator>(context.scene, HalfVectorRules{});
+  return std::make_unique<HalfVectorMutator>(context.scene, HalfVectorRules{}, context.rays);
 }
 
-constexpr std::array kMutators{
-    MutatorEntry{"bidirectional", 1,
-                 "vertices are taken out of the path, and others put there by walks from both sides",
-                 make_bidirectional},
-    MutatorEntry{"lens", 0, "the film position moves, with the first chain of specular vertices", make_lens},
-    MutatorEntry{"caustic", 0, "light turns before the last chain of specular vertices", make_caustic},
-    MutatorEntry{"multichain", 0, "the film position moves, with several chains of specular vertices",
-                 make_multichain},
-    MutatorEntry{"manifold", 0, "a vertex moves, and specular ones walk to where they have to be",
-                 make_manifold},
-    MutatorEntry{"half_vector", 0, "half vectors of the whole path, by a walk", make_half_vector},
-};
+// Of segments between diffuse vertices, as wide as the film allows.
+template <bool kOneStep>
+std::unique_ptr<PathMutator> make_segments(const MutatorContext& context) {
+  HalfVectorRules rules;
+  rules.one_step = kOneStep;
+  rules.segments = true;
+  rules.step.image_step = 0.02 * std::min(context.film_width, context.film_height);
+  return std::make_unique<HalfVectorMutator>(context.scene, rules, context.rays);
+}
+
+constexpr MutatorEntry kBidirectional{
+    "bidirectional", 1, "vertices are taken out of the path, and others put there by walks from both sides",
+    make_bidirectional};
+constexpr MutatorEntry kLens{"lens", 0, "the film position moves, with the first chain of specular vertices",
+                             make_lens};
+constexpr MutatorEntry kCaustic{"caustic", 0, "light turns before the last chain of specular vertices",
+                                make_caustic};
+constexpr MutatorEntry kMultichain{
+    "multichain", 0, "the film position moves, with several chains of specular vertices", make_multichain};
+constexpr MutatorEntry kManifold{
+    "manifold", 0, "a vertex moves, and specular ones walk to where they have to be", make_manifold};
+constexpr MutatorEntry kHalfVector{"half_vector", 0, "half vectors of the whole path, by a walk",
+                                   make_half_vector};
+constexpr std::array kMutators{kBidirectional, kLens, kCaustic, kMultichain, kManifold, kHalfVector};
+
+constexpr MutatorEntry kSegmentWalk{
+    "half_vector", 0, "half vectors between two diffuse vertices or ends, by a walk", make_segments<false>};
+constexpr MutatorEntry kSegmentStep{
+    "one_step", 0, "half vectors between two diffuse vertices or ends, by one step", make_segments<true>};
+
+constexpr MutatorEntry with_share(MutatorEntry entry, double share) {
+  entry.share = share;
+  return entry;
+}
+// [Veach 1997, Sec. 11.4]
+constexpr std::array kVeach{with_share(kBidirectional, 0.25), with_share(kLens, 0.25),
+                            with_share(kCaustic, 0.25), with_share(kMultichain, 0.25)};
+// Manifold exploration [Jakob 2012].
+constexpr std::array kManifolds{with_share(kBidirectional, 0.5), with_share(kManifold, 0.5)};
+// Half vectors, by one step and by a walk [half-vector note, sections 12 and 13].
+constexpr std::array kHalfVectors{with_share(kBidirectional, 0.25), with_share(kLens, 0.125),
+                                  with_share(kMultichain, 0.125), with_share(kSegmentWalk, 0.25),
+                                  with_share(kSegmentStep, 0.25)};
+constexpr std::array kPresets{MutatorPreset{"mlt", kVeach}, MutatorPreset{"memlt", kManifolds},
+                              MutatorPreset{"hslt", kHalfVectors}};
 
 }  // namespace
 
 std::span<const MutatorEntry> mutators() {
   return kMutators;
+}
+
+std::span<const MutatorPreset> mutator_presets() {
+  return kPresets;
 }
 
 }  // namespace candela::mcmc

@@ -20,4 +20,11 @@ struct MutatorEntry {
 // In the order in which a chain chooses among them; `bidirectional` is the first.
 std::span<const MutatorEntry> mutators();
 
+// Mutations that are known to go well together, with their shares.
+struct MutatorPreset {
+  std::string_view name;
+  std::span<const MutatorEntry> mutations;
+};
+std::span<const MutatorPreset> mutator_presets();
+
 }  // namespace candela::mcmc

@@ -173,6 +173,7 @@ SubpathWalk::Arrival SubpathWalk::arrive(bool lens) {
   const Vec3d line = normalize(Vec3d(direction_));
   for (std::uint32_t passes = 0; passes < transport::kMostPasses; ++passes) {
     const auto point = scene_.points().intersect(ray_, origin_, line);
+    if (context_.rays != nullptr) ++*context_.rays;
     if (point) hit_ = scene_.points().hit(*point);
     if (point && from_point_ && scene::goes_through(hit_, Vec3(origin_))) {
       ray_ = spawn_ray(hit_, direction_);

@@ -37,6 +37,12 @@ double log_of(const path::Scaled& density) {
 // Sums over ranges of logs, some of which are minus infinity.
 class RangeSums {
  public:
+  explicit RangeSums(std::size_t count) {
+    sums_.reserve(count + 1);
+    nevers_.reserve(count + 1);
+    sums_.push_back(0);
+    nevers_.push_back(0);
+  }
   void push(double log_value) {
     const bool never = !(log_value > kNever);
     sums_.push_back(sums_.back() + (never ? 0 : log_value));
@@ -47,8 +53,8 @@ class RangeSums {
   }
 
  private:
-  std::vector<double> sums_{0};
-  std::vector<std::size_t> nevers_{0};
+  std::vector<double> sums_;
+  std::vector<std::uint32_t> nevers_;
 };
 
 // A vertex that next event estimation chooses at `hit`, which the eye's walk sees from `wo`.
@@ -218,17 +224,18 @@ Proposal Subpaths::make(const PathState* from, const Kept& kept, std::size_t add
 
 // Logs of what walks do at each vertex of a path. Index i: vertex x_i.
 struct Subpaths::Densities final : Memo {
+  explicit Densities(std::size_t vertices) : light(vertices), eye(vertices) {}
   RangeSums light, eye;  // of steps that arrive at x_i, and of the ends themselves
   double light_direct = kNever, light_prob = kNever;
-  std::vector<double> stay_light, stay_eye;  // at x_i, where the walk ends
+  std::vector<double> stay_light, stay_eye;  // at x_i, where the walk ends; empty: nothing passes straight
 };
 
 const Subpaths::Densities& Subpaths::densities(const PathState& state) const {
   return state.memo<Densities>(&kDensities, [&] {
-    auto made = std::make_unique<Densities>();
     const path::Evaluation& evaluation = state.evaluation();
     const path::PathNumbers& n = evaluation.numbers();
     const std::size_t k = n.edges;
+    auto made = std::make_unique<Densities>(k + 1);
     made->light_direct = log_of(n.light_direct);
     made->light_prob = log_of(n.light_prob);
     made->light.push(0);
@@ -237,9 +244,9 @@ const Subpaths::Densities& Subpaths::densities(const PathState& state) const {
     made->eye.push(n.light_can_be_hit ? log_of(evaluation.step_density(false, 0)) : kNever);
     for (std::size_t i = 1; i < k; ++i) made->eye.push(log_of(evaluation.step_density(false, i)));
     made->eye.push(log_of(n.lens_prob));
-    made->stay_light.assign(k + 1, 0);
-    made->stay_eye.assign(k + 1, 0);
     if (context_.scene.features().any_straight) {
+      made->stay_light.assign(k + 1, 0);
+      made->stay_eye.assign(k + 1, 0);
       for (std::size_t i = 1; i < k; ++i) made->stay_light[i] = log_of(evaluation.prob_stay(true, i));
       const bool on_surface = state.path.vertices.front().kind == Kind::surface_light;
       for (std::size_t i = on_surface ? 0 : 1; i < k; ++i)
@@ -261,8 +268,8 @@ double Subpaths::log_pdf_area(const PathState& state, const Kept& kept, std::siz
   // A walk stays at its last vertex, unless that is an end.
   const bool light_ends = joint > std::max<std::size_t>(kept.light, 1) && joint < count;
   const bool eye_ends = joint < end && joint + 1 < count;
-  if (light_ends) log_density += d.stay_light[joint - 1];
-  if (eye_ends) log_density += d.stay_eye[joint];
+  if (light_ends && !d.stay_light.empty()) log_density += d.stay_light[joint - 1];
+  if (eye_ends && !d.stay_eye.empty()) log_density += d.stay_eye[joint];
   return log_density;
 }
 

@@ -182,6 +182,7 @@ bool Tracer::meet(Beam& beam, std::size_t i, path::PathVertex& vertex) const {
   const Vec3 start(beam.origin);
   for (std::uint32_t passes = 0; passes < kMaxPasses; ++passes) {
     const auto point = scene_.points().intersect(beam.ray, beam.origin, beam.direction);
+    if (rays_ != nullptr) ++*rays_;
     if (!point) {
       vertex.place = beam.direction;
       return leaves;

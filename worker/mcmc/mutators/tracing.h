@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 
 #include "common/rng/stream.h"
@@ -66,8 +67,10 @@ double delta_index(const scene::Scene& scene, const PathState& state, std::size_
 
 class Tracer {
  public:
-  // Both must outlive this. from: the path that stretches are copied from.
-  Tracer(const scene::Scene& scene, const PathState& from) : scene_(scene), from_(from) {}
+  // All must outlive this. from: the path that stretches are copied from. rays: counts them; null: nobody
+  // does.
+  Tracer(const scene::Scene& scene, const PathState& from, std::uint64_t* rays = nullptr)
+      : scene_(scene), from_(from), rays_(rays) {}
 
   // Makes vertices first, ..., last of `path` anew (in this order, either way) by a ray through the film
   // position, or one that leaves vertex `start` along `direction`. The ray turns by delta lobes at all of
@@ -90,6 +93,7 @@ class Tracer {
 
   const scene::Scene& scene_;
   const PathState& from_;
+  std::uint64_t* rays_;
 };
 
 }  // namespace candela::mcmc

@@ -240,6 +240,16 @@ void set_place(const Geometry& geometry, Vec3d p, CanonicalPoint& point) {
   set_local_place(geometry, p, point);
 }
 
+bool set_meeting_on_triangle(const Geometry& geometry, Vec3d origin, Vec3d direction, CanonicalPoint& point) {
+  if (kind_of(point) != PrimitiveKind::triangle) return false;
+  if (point.instance != kNone) {
+    const Transform& to_world = geometry.instances[point.instance].to_world;
+    origin = to_world.inverse_point(origin);
+    direction = to_world.inverse_vector(direction);
+  }
+  return meet_triangle(geometry.triangles[point.primitive], origin, direction, point);
+}
+
 void set_meeting(const Geometry& geometry, Vec3d origin, Vec3d direction, Vec3d near, CanonicalPoint& point) {
   if (point.instance != kNone) {
     const Transform& to_world = geometry.instances[point.instance].to_world;

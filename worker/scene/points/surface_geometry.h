@@ -15,6 +15,8 @@ void set_place(const Geometry& geometry, Vec3d p, CanonicalPoint& point);
 // Sets u and v to where the line meets the primitive that `point` names: of several meetings the one that is
 // nearest to `near`; `near` itself, put onto the primitive, if rounding has the line miss it.
 void set_meeting(const Geometry& geometry, Vec3d origin, Vec3d direction, Vec3d near, CanonicalPoint& point);
+// The same of a triangle that the line meets. False: it is none, or the line misses it.
+bool set_meeting_on_triangle(const Geometry& geometry, Vec3d origin, Vec3d direction, CanonicalPoint& point);
 
 // True if the geometry has the primitive, and u and v are those of a point on it.
 bool exists(const Geometry& geometry, const CanonicalPoint& point);

@@ -11,6 +11,7 @@ std::optional<CanonicalPoint> SurfacePoints::intersect(const Ray& ray, Vec3d ori
   point.instance = found.instance;
   point.primitive = found.primitive;
   point.kind = static_cast<std::uint8_t>(found.kind);
+  if (set_meeting_on_triangle(geometry_, origin, direction, point)) return point;
   // A ray meets a round surface twice: take the place that Scene::intersect() takes.
   SurfaceHit rounded;
   if (found.instance == kNone)

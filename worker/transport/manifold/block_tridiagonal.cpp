@@ -15,6 +15,9 @@ bool BlockTridiagonal::factor(std::span<const Blocks> blocks) {
   lower_.clear();
   inverse_u_.clear();
   upper_.clear();
+  lower_.reserve(blocks.size());
+  inverse_u_.reserve(blocks.size());
+  upper_.reserve(blocks.size());
   det_ = 1;
   log_abs_det_ = 0;
   for (std::size_t i = 0; i < blocks.size(); ++i) {

@@ -81,12 +81,14 @@ Blocks blocks(Form form, const Chain& chain, std::size_t index) {
 
 std::vector<Pair> constraints(Form form, const Chain& chain) {
   std::vector<Pair> out;
+  out.reserve(chain.inner_count());
   for (std::size_t i = 1; i <= chain.inner_count(); ++i) out.push_back(constraint(form, chain, i));
   return out;
 }
 
 std::vector<Blocks> blocks(Form form, const Chain& chain) {
   std::vector<Blocks> out;
+  out.reserve(chain.inner_count());
   for (std::size_t i = 1; i <= chain.inner_count(); ++i) out.push_back(blocks(form, chain, i));
   return out;
 }

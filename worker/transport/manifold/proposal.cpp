@@ -49,6 +49,7 @@ std::optional<PreparedChain> prepare(Chain chain, std::vector<double> alphas, co
   double sum = 0;
   for (const double alpha : out.alphas) sum += alpha;
   const std::vector<Mat2> d = out.jacobian.last_vertex_by_constraints();
+  out.precisions.reserve(out.alphas.size());
   for (std::size_t i = 0; i < out.alphas.size(); ++i) {
     const double alpha = out.alphas[i];
     Mat2 precision;

@@ -17,10 +17,9 @@ double relative_error(std::span<const Pair> rest, std::span<const double> tolera
   return largest;
 }
 
-std::vector<Pair> rest_of(const Chain& chain, std::span<const Pair> targets) {
-  std::vector<Pair> rest = constraints(Form::slope, chain);
-  for (std::size_t i = 0; i < rest.size(); ++i) rest[i] = targets[i] - rest[i];
-  return rest;
+void set_rest(const Chain& chain, std::span<const Pair> targets, std::vector<Pair>& rest) {
+  rest.resize(targets.size());
+  for (std::size_t i = 0; i < rest.size(); ++i) rest[i] = targets[i] - constraint(Form::slope, chain, i + 1);
 }
 
 }  // namespace
@@ -47,6 +46,7 @@ bool project(Chain& chain, std::span<const Vec3d> predicted, bool from_sensor, c
 
 std::vector<Vec3d> predicted_places(const Chain& chain, std::span<const Pair> steps) {
   std::vector<Vec3d> places;
+  places.reserve(steps.size());
   for (std::size_t i = 0; i < steps.size(); ++i) {
     const ChainVertex& v = chain.vertices[i + 1];
     places.push_back(v.x + v.p_u * steps[i].x + v.p_v * steps[i].y);
@@ -58,13 +58,16 @@ Walked walk(Chain& chain, std::span<const Pair> targets, std::span<const double>
             const Surfaces& surfaces, const WalkRules& rules) {
   Walked walked;
   if (fault_of(chain) != Fault::none) return {WalkEnd::unusable_start, 0};
-  std::vector<Pair> rest = rest_of(chain, targets);
+  std::vector<Pair> rest;
+  set_rest(chain, targets, rest);
   bool done = false;
   double error = relative_error(rest, tolerances, done);
   bool from_sensor = false, decided = false;
   double step = 1;
   BlockTridiagonal factored;
   std::vector<Pair> full;  // the step of beta = 1 from where the chain is
+  std::vector<Pair> steps, next_rest;
+  Chain next;
   while (!done) {
     if (walked.iterations == rules.max_iterations) return {WalkEnd::iterations, walked.iterations};
     ++walked.iterations;
@@ -74,19 +77,19 @@ Walked walk(Chain& chain, std::span<const Pair> targets, std::span<const double>
       if (!decided) from_sensor = projects_from_sensor(chain, factored);
       decided = true;
     }
-    std::vector<Pair> steps = full;
+    steps = full;
     for (Pair& s : steps) s = s * step;
-    Chain next = chain;
+    next = chain;
     bool better =
         project(next, predicted_places(chain, steps), from_sensor, surfaces) && fault_of(next) == Fault::none;
     if (better) {
-      std::vector<Pair> next_rest = rest_of(next, targets);
+      set_rest(next, targets, next_rest);
       bool next_done = false;
       const double next_error = relative_error(next_rest, tolerances, next_done);
       better = next_error < error;
       if (better) {
-        chain = std::move(next);
-        rest = std::move(next_rest);
+        std::swap(chain, next);
+        std::swap(rest, next_rest);
         error = next_error;
         done = next_done;
         full.clear();

@@ -34,7 +34,7 @@ bool set_light(const scene::Scene& scene, const PathVertex& v, Vec3d next, const
     case Kind::surface_light: {
       path.light = scene.points().hit(v.point);
       if (path.light.emitter == scene::kNone) return false;
-      const Vec3d way = next - place_of(scene, v);
+      const Vec3d way = next - out.places.front();
       const double l = length(way);
       out.edges.front() = {way / l, l};
       return l > 0;
@@ -74,42 +74,87 @@ bool exists(const scene::Scene& scene, const Path& path) {
   });
 }
 
-std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, float film_border) {
+SharedVertices shared_vertices(const Assembled& of, const Path& from, const Path& to) {
+  const PathRange changed = changed_range(from, to);
+  return {&of, changed.begin, from.vertices.size() - changed.end};
+}
+
+std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, float film_border,
+                                  const SharedVertices& shared) {
   const std::size_t k = path.edge_count();
   Assembled out;
   out.edges.resize(k);
-  out.path.light_infinite = path.vertices.front().kind == Kind::distant_light;
-  for (std::size_t i = 1; i < k; ++i) out.path.inner.push_back(inner_vertex(scene, path.vertices[i]));
+  out.places.resize(k + 1);
+  out.path.inner.reserve(k - 1);
+  out.path.along.reserve(k);
+  // The index in the other path of a range of vertices; nothing: it is not shared.
+  const auto in_other = [&](std::size_t first, std::size_t last) -> std::optional<std::size_t> {
+    if (last < shared.light) return first;
+    if (first + shared.sensor > k) return first + shared.of->edges.size() - k;
+    return std::nullopt;
+  };
+  for (std::size_t i = 0; i <= k; ++i) {
+    const auto other = in_other(i, i);
+    out.places[i] = other ? shared.of->places[*other] : place_of(scene, path.vertices[i]);
+    if (i == 0 || i == k) continue;
+    if (other)
+      out.path.inner.push_back(shared.of->path.inner[*other - 1]);
+    else
+      out.path.inner.push_back(inner_vertex(scene, path.vertices[i]));
+  }
   for (std::size_t i = 1; i + 1 < k; ++i) {
-    const Vec3d way = place_of(scene, path.vertices[i + 1]) - place_of(scene, path.vertices[i]);
+    if (const auto other = in_other(i, i + 1)) {
+      out.edges[i] = shared.of->edges[*other];
+      continue;
+    }
+    const Vec3d way = out.places[i + 1] - out.places[i];
     const double l = length(way);
     if (!(l > 0)) return std::nullopt;
     out.edges[i] = {way / l, l};
   }
   // The lens, as the vertex before it sees it. Light from outside that the sensor looks at has no such place.
   if (k == 1 && path.vertices.front().kind != Kind::surface_light) return std::nullopt;
-  const scene::SurfaceHit seen =
-      k == 1 ? scene.points().hit(path.vertices.front().point) : out.path.inner.back().hit;
-  const Vec3d seen_at = place_of(scene, path.vertices[k - 1]);
-  const Vec2 u_lens{static_cast<float>(path.vertices.back().place.x),
-                    static_cast<float>(path.vertices.back().place.y)};
-  scene::CameraSample camera;
-  if (!scene.sample_camera(seen, u_lens, camera, film_border)) return std::nullopt;
-  out.film = {camera.film_x, camera.film_y};
-  out.path.lens = camera.p;
-  out.path.lens_infinite = camera.delta_direction;
-  out.path.lens_near = camera.shadow_ray.origin + camera.shadow_ray.direction * camera.shadow_ray.t_max;
-  const Vec3d way = Vec3d(camera.p) - seen_at;
-  const double distance = length(way);
-  if (!(distance > 0)) return std::nullopt;
-  out.edges.back() =
-      camera.delta_direction ? PathEdge{Vec3d(camera.wi), 0} : PathEdge{way / distance, distance};
+  scene::SurfaceHit light_seen;
+  if (k == 1) light_seen = scene.points().hit(path.vertices.front().point);
+  const scene::SurfaceHit& seen = k == 1 ? light_seen : out.path.inner.back().hit;
+  if (in_other(k - 1, k)) {
+    const Assembled& other = *shared.of;
+    out.film = other.film;
+    out.path.lens = other.path.lens;
+    out.path.lens_infinite = other.path.lens_infinite;
+    out.path.lens_near = other.path.lens_near;
+    out.edges.back() = other.edges.back();
+  } else {
+    const Vec2 u_lens{static_cast<float>(path.vertices.back().place.x),
+                      static_cast<float>(path.vertices.back().place.y)};
+    scene::CameraSample camera;
+    if (!scene.sample_camera(seen, u_lens, camera, film_border)) return std::nullopt;
+    out.film = {camera.film_x, camera.film_y};
+    out.path.lens = camera.p;
+    out.path.lens_infinite = camera.delta_direction;
+    out.path.lens_near = camera.shadow_ray.origin + camera.shadow_ray.direction * camera.shadow_ray.t_max;
+    const Vec3d way = Vec3d(camera.p) - out.places[k - 1];
+    const double distance = length(way);
+    if (!(distance > 0)) return std::nullopt;
+    out.edges.back() =
+        camera.delta_direction ? PathEdge{Vec3d(camera.wi), 0} : PathEdge{way / distance, distance};
+  }
 
-  const Vec3d next = k == 1 ? Vec3d(camera.p) : place_of(scene, path.vertices[1]);
-  const PathEdge last = out.edges.back();
-  if (!set_light(scene, path.vertices.front(), next, k == 1 ? seen : out.path.inner.front().hit, out))
-    return std::nullopt;
-  if (k == 1) out.edges.back() = last;
+  if (in_other(0, 1)) {
+    const FullPath& other = shared.of->path;
+    out.path.light = other.light;
+    out.path.light_infinite = other.light_infinite;
+    out.path.light_delta_position = other.light_delta_position;
+    out.path.light_delta_direction = other.light_delta_direction;
+    out.path.light_delta_radiance = other.light_delta_radiance;
+    out.edges.front() = shared.of->edges.front();
+  } else {
+    const Vec3d next = k == 1 ? Vec3d(out.path.lens) : out.places[1];
+    const PathEdge last = out.edges.back();
+    if (!set_light(scene, path.vertices.front(), next, k == 1 ? seen : out.path.inner.front().hit, out))
+      return std::nullopt;
+    if (k == 1) out.edges.back() = last;
+  }
   for (const PathEdge& edge : out.edges) out.path.along.emplace_back(Vec3(edge.direction));
   return out;
 }

@@ -17,12 +17,24 @@ bool exists(const scene::Scene& scene, const Path& path);
 struct Assembled {
   FullPath path;
   std::vector<PathEdge> edges;
+  std::vector<Vec3d> places;  // of vertices on surfaces and in media
   FilmPosition film;
 };
 
-// film_border: as of Scene::sample_camera. Nothing: an end cannot see its neighbor, whatever lies between
-// them. Precondition: the path is well-formed, and exists in the scene.
-std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, float film_border = 0);
+// Another path of the same scene and border, and the numbers of vertices, from the light's end and from the
+// sensor's, that are the same in both paths.
+struct SharedVertices {
+  const Assembled* of = nullptr;  // null: none
+  std::size_t light = 0, sensor = 0;
+};
+// Those of `from` that `to` has. Precondition: `of` is `from`, assembled.
+SharedVertices shared_vertices(const Assembled& of, const Path& from, const Path& to);
+
+// film_border: as of Scene::sample_camera. shared: what follows from shared vertices alone is copied; the
+// result is the same to the bit. Nothing: an end cannot see its neighbor, whatever lies between them.
+// Precondition: the path is well-formed, and exists in the scene.
+std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, float film_border = 0,
+                                  const SharedVertices& shared = {});
 
 // The path's vertices by name: of a path that walks made. u_lens: where on the lens it ends. Nothing: a
 // surface of it is not found again.

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <utility>
 
 #include "worker/core/math.h"
 #include "worker/scene/bsdfs/delta_lobes.h"
@@ -63,7 +65,8 @@ DeltaLobe find_delta(const scene::Closure& closure, Vec3 wo, Vec3 wi, TransportM
 
 }  // namespace
 
-Evaluation::Evaluation(const scene::Scene& scene, const FullPath& path, const Rules& rules)
+Evaluation::Evaluation(const scene::Scene& scene, const FullPath& path, const Rules& rules,
+                       const SharedEnds& shared, Wanted wanted)
     : scene_(scene), path_(path), rules_(rules) {
   const std::size_t k = path.edge_count();
   PathNumbers& n = numbers_;
@@ -80,27 +83,92 @@ Evaluation::Evaluation(const scene::Scene& scene, const FullPath& path, const Ru
   n.beam_sine.assign(k + 1, 0);
   edges_.resize(k);
   for (std::size_t i = 0; i < k; ++i) {
+    if (copy_edge(shared, i)) continue;
     if (!(i == 0 && path.light_infinite) && !(i + 1 == k && path.lens_infinite))
       n.distance_squared[i] = length_squared(place(i + 1) - place(i));
-    if (!follow_edge(i)) {
-      valid_ = false;
-      return;
-    }
   }
-  assign_media();
-  for (std::size_t i = 1; i < k; ++i) evaluate_inner(i);
-  valid_ = evaluate_ends();
-  count_rounding();
+  inner_.resize(k - 1);
+  for (std::size_t i = 1; i < k; ++i)
+    if (!copy_inner(shared, i)) evaluate_inner(i);
+  if (shared.light >= 2) {
+    const Evaluation& other = *shared.of;
+    n.light_can_be_hit = other.numbers_.light_can_be_hit;
+    n.light_prob = other.numbers_.light_prob;
+    n.pdf_to_eye[0] = other.numbers_.pdf_to_eye[0];
+    n.factor_to_eye[0] = other.numbers_.factor_to_eye[0];
+    emitted_ = other.emitted_;
+  } else {
+    evaluate_light();
+  }
+  if (shared.light >= 3)
+    n.light_direct = shared.of->numbers_.light_direct;
+  else if (k > 1)
+    evaluate_light_direct();
+  if (shared.sensor >= 2) {
+    const PathNumbers& other = shared.of->numbers_;
+    n.lens_can_be_hit = other.lens_can_be_hit;
+    n.lens_prob = other.lens_prob;
+    n.lens_connect = other.lens_connect;
+    n.factor_to_light[k] = other.factor_to_light.back();
+    n.pdf_to_light[k] = other.pdf_to_light.back();
+    importance_ = shared.of->importance_;
+  } else {
+    valid_ = evaluate_sensor();
+  }
+  if (wanted == Wanted::if_lit && !may_be_lit()) valid_ = false;
+  for (std::size_t i = 0; i < k && valid_; ++i)
+    if (edges_[i].stretches.size() == 0) valid_ = follow_edge(i);
+  rules_.rays = nullptr;
+  if (valid_ && scene.features().media > 0) assign_media();
 }
 
-void Evaluation::count_rounding() {
+bool Evaluation::may_be_lit() const {
+  const auto lit = [](const Channels& c) { return c[0] > 0 || c[1] > 0 || c[2] > 0; };
+  return importance_ > 0 && lit(emitted_) &&
+         std::all_of(inner_.begin(), inner_.end(), [&](const Inner& x) { return lit(x.value); });
+}
+
+bool Evaluation::copy_edge(const SharedEnds& shared, std::size_t i) {
+  const std::size_t k = numbers_.edges;
+  std::size_t from = i;
+  if (i + 2 > shared.light) {
+    if (i + shared.sensor < k + 1) return false;
+    from = i + shared.of->numbers_.edges - k;
+  }
+  edges_[i] = shared.of->edges_[from];
+  numbers_.distance_squared[i] = shared.of->numbers_.distance_squared[from];
+  return true;
+}
+
+bool Evaluation::copy_inner(const SharedEnds& shared, std::size_t i) {
+  const std::size_t k = numbers_.edges;
+  std::size_t from = i;
+  if (i + 2 > shared.light) {
+    if (i + shared.sensor < k + 2) return false;
+    from = i + shared.of->numbers_.edges - k;
+  }
+  const PathNumbers& other = shared.of->numbers_;
+  numbers_.pdf_to_eye[i] = other.pdf_to_eye[from];
+  numbers_.pdf_to_light[i] = other.pdf_to_light[from];
+  numbers_.factor_to_eye[i] = other.factor_to_eye[from];
+  numbers_.factor_to_light[i] = other.factor_to_light[from];
+  numbers_.delta[i] = other.delta[from];
+  numbers_.in_medium[i] = other.in_medium[from];
+  numbers_.medium[i] = other.medium[from];
+  numbers_.beam_sine[i] = other.beam_sine[from];
+  inner_[i - 1] = shared.of->inner_[from - 1];
+  return true;
+}
+
+double Evaluation::rounding() const {
   constexpr double kOfCosine = 0x1p-22;
   const std::size_t k = path_.edge_count();
-  for (std::size_t i = 0; i < k; ++i) {
+  double rounding = 0;
+  for (std::size_t i = 0; i < edges_.size(); ++i) {
     double ends = 0;  // of the edge's stretches, along it
     const auto surface = [&](const scene::SurfaceHit& hit, Vec3 d) {
       const double c = cosine(d, hit.ng);
-      rounding_ += kOfCosine / c;
+      rounding += kOfCosine / c;
       ends += static_cast<double>(hit.error) / c;
     };
     const Vec3 d = path_.along[i];
@@ -110,12 +178,14 @@ void Evaluation::count_rounding() {
       surface(path_.light, d);
     for (const Pass& pass : edges_[i].passes) surface(pass.hit, d);
     double thickest = 0;
-    for (const Stretch& stretch : edges_[i].stretches)
-      if (stretch.medium != scene::kNone)
-        thickest = std::max(thickest,
-                            static_cast<double>(scene_.medium(stretch.medium).max_sigma_t().max_component()));
-    rounding_ += 2 * thickest * ends;
+    for (std::size_t j = 0; j < edges_[i].stretches.size(); ++j) {
+      const std::uint32_t medium = edges_[i].stretches[j].medium;
+      if (medium == scene::kNone) continue;
+      thickest = std::max(thickest, static_cast<double>(scene_.medium(medium).max_sigma_t().max_component()));
+    }
+    rounding += 2 * thickest * ends;
   }
+  return rounding;
 }
 
 Vec3d Evaluation::place(std::size_t i) const {
@@ -143,11 +213,11 @@ bool Evaluation::follow_edge(std::size_t i) {
   if (!from_outside && i + 1 < k && path_.inner[i].kind == VertexKind::surface) target = &path_.inner[i].hit;
   const Vec3d end = from_outside ? Vec3d{} : i + 1 == k ? Vec3d(path_.lens_near) : place(i + 1);
   Vec3d last(p);
-  std::vector<double> lengths;
   Edge& edge = edges_[i];
   for (std::uint32_t passes = 0; passes < 1000; ++passes) {
     scene::SurfaceHit hit;
     bool found = scene_.intersect(ray, hit);
+    if (rules_.rays != nullptr) ++*rules_.rays;
     while (found && start == 0 && start_in_space && goes_through(hit, p)) {  // nor do they hide it
       ray = spawn_ray(hit, d);
       found = scene_.intersect(ray, hit);
@@ -161,7 +231,7 @@ bool Evaluation::follow_edge(std::size_t i) {
                           hit.primitive == target->primitive && reached >= 0.99 * rest);
     if (arrived) {
       if (from_outside && found) return false;
-      lengths.push_back(rest);
+      edge.stretches.push_back({scene::kNone, rest});
       break;
     }
     Pass pass;
@@ -169,16 +239,16 @@ bool Evaluation::follow_edge(std::size_t i) {
     // Viewed from the eye, that is from where the light goes to.
     pass.fraction = channels(scene_.straight(hit, path_.along[i]));
     if (!(pass.fraction[0] + pass.fraction[1] + pass.fraction[2] > 0)) return false;
-    lengths.push_back(reached);
+    edge.stretches.push_back({scene::kNone, reached});
     edge.passes.push_back(pass);
     last = Vec3d(hit.p);
     ray = spawn_ray(hit, d);
   }
   if (from_outside) {
-    std::reverse(lengths.begin(), lengths.end());
+    const std::size_t count = edge.stretches.size();
+    for (std::size_t j = 0; j < count / 2; ++j) std::swap(edge.stretches[j], edge.stretches[count - 1 - j]);
     std::reverse(edge.passes.begin(), edge.passes.end());
   }
-  for (const double length : lengths) edge.stretches.push_back({scene::kNone, length});
   for (Pass& pass : edge.passes) {
     const Vec3 to_eye = pass.hit.shading.to_local(path_.along[i]);
     scene::ClosureArena arena;
@@ -240,8 +310,7 @@ void Evaluation::evaluate_inner(std::size_t i) {
   const InnerVertex& v = path_.inner[i - 1];
   const Vec3 to_light = -path_.along[i - 1], to_eye = path_.along[i];
   PathNumbers& n = numbers_;
-  inner_.push_back(std::make_unique<Inner>());
-  Inner& x = *inner_.back();
+  Inner& x = inner_[i - 1];
   if (v.kind == VertexKind::medium) {
     const scene::Medium& medium = scene_.medium(v.medium);
     const Channels sigma_t = channels(medium.sigma_t(v.hit.p));
@@ -258,40 +327,46 @@ void Evaluation::evaluate_inner(std::size_t i) {
     n.factor_to_eye[i] = cosine(to_eye, v.hit.ng);
     n.factor_to_light[i] = cosine(to_light, v.hit.ng);
     const Vec3 local_light = v.hit.shading.to_local(to_light), local_eye = v.hit.shading.to_local(to_eye);
-    x.from_light = scene_.closure(v.hit, local_light, x.arena_light);
-    x.from_eye = scene_.closure(v.hit, local_eye, x.arena_eye);
+    scene::ClosureArena arena_light, arena_eye;
+    scene::Closure from_light = scene_.closure(v.hit, local_light, arena_light);
+    scene::Closure from_eye = scene_.closure(v.hit, local_eye, arena_eye);
+    // With edits that select by the path: the densities that both walks' weights know. Values are those of
+    // the vertex alone.
+    std::optional<scene::EditedWalk> light_walk, eye_walk;
     if (const scene::PathEdits* edits = scene_.objects().path_edits.get()) {
-      x.light_walk = std::make_shared<scene::EditedWalk>(*edits, true);
-      x.light_walk->begin_at_lamp(0);
-      x.from_light = x.light_walk->surface(v.hit, x.from_light);
-      x.eye_walk = std::make_shared<scene::EditedWalk>(*edits, true);
-      x.eye_walk->begin_at_eye();
-      x.from_eye = x.eye_walk->surface(v.hit, x.from_eye);
-      x.eye_walk->towards_lamp(0);
+      light_walk.emplace(*edits, true);
+      light_walk->begin_at_lamp(0);
+      from_light = light_walk->surface(v.hit, from_light);
+      eye_walk.emplace(*edits, true);
+      eye_walk->begin_at_eye();
+      from_eye = eye_walk->surface(v.hit, from_eye);
+      eye_walk->towards_lamp(0);
     }
+    x.scatters_through = from_eye.scatters_through();
     if (v.delta) {
-      evaluate_delta(i, local_light, local_eye);
+      evaluate_delta(i, from_light, from_eye, local_light, local_eye);
       return;
     }
     n.pdf_to_eye[i] =
-        static_cast<double>(x.from_light.pdf_solid_angle(local_light, local_eye, TransportMode::importance));
+        static_cast<double>(from_light.pdf_solid_angle(local_light, local_eye, TransportMode::importance));
     n.pdf_to_light[i] =
-        static_cast<double>(x.from_eye.pdf_solid_angle(local_eye, local_light, TransportMode::radiance));
-    x.value = channels(x.from_eye.eval(local_eye, local_light, TransportMode::radiance));
+        static_cast<double>(from_eye.pdf_solid_angle(local_eye, local_light, TransportMode::radiance));
+    x.value = channels(from_eye.eval(local_eye, local_light, TransportMode::radiance));
   }
   x.prob_to_eye = n.pdf_to_eye[i];
   x.prob_to_light = n.pdf_to_light[i];
 }
 
-void Evaluation::evaluate_delta(std::size_t i, Vec3 to_light, Vec3 to_eye) {
+void Evaluation::evaluate_delta(std::size_t i, const scene::Closure& from_light,
+                                const scene::Closure& from_eye, Vec3 to_light, Vec3 to_eye) {
   const InnerVertex& v = path_.inner[i - 1];
   PathNumbers& n = numbers_;
-  Inner& x = *inner_[i - 1];
+  Inner& x = inner_[i - 1];
   const double known_light = v.delta_prob_from_light ? v.delta_prob : 0,
                known_eye = v.delta_prob_from_light ? 0 : v.delta_prob;
   const DeltaLobe light =
-      find_delta(x.from_light, to_light, to_eye, TransportMode::importance, false, known_light);
-  const DeltaLobe eye = find_delta(x.from_eye, to_eye, to_light, TransportMode::radiance, false, known_eye);
+      find_delta(from_light, to_light, to_eye, TransportMode::importance, false, known_light);
+  const DeltaLobe eye = find_delta(from_eye, to_eye, to_light, TransportMode::radiance, false, known_eye);
   const double squared = eye.eta * eye.eta;  // (n_light / n_eye)^2
   n.delta[i] = true;
   n.pdf_to_light[i] = eye.prob;
@@ -302,13 +377,15 @@ void Evaluation::evaluate_delta(std::size_t i, Vec3 to_light, Vec3 to_eye) {
   x.value = eye.value;
 }
 
-bool Evaluation::evaluate_ends() {
-  const std::size_t k = path_.edge_count();
+void Evaluation::evaluate_light() {
   PathNumbers& n = numbers_;
   const bool delta = path_.light_delta_position || path_.light_delta_direction;
   const bool on_surface = !path_.light_infinite && !delta;
   n.light_can_be_hit = !delta;
   if (on_surface) n.factor_to_eye[0] = cosine(path_.along[0], path_.light.ng);
+  emitted_ = channels(delta                  ? path_.light_delta_radiance
+                      : path_.light_infinite ? scene_.environment(-path_.along[0])
+                                             : scene_.emitted(path_.light, path_.along[0]));
 
   // P_0, and the density of the light's walk's direction.
   scene::EmissionDensity emission;
@@ -322,31 +399,36 @@ bool Evaluation::evaluate_ends() {
     emits = scene_.pdf_emission(seen, emission);
   else
     emits = scene_.pdf_emission_environment(-path_.along[0], emission);
-  if (emits) {
-    const auto prob = static_cast<double>(emission.prob), area = static_cast<double>(emission.pdf_area),
-               angle = static_cast<double>(emission.pdf_solid_angle);
-    n.light_prob = prob * (path_.light_infinite ? angle : area);
-    n.pdf_to_eye[0] = path_.light_infinite ? area : angle;
-  }
+  if (!emits) return;
+  const auto prob = static_cast<double>(emission.prob), area = static_cast<double>(emission.pdf_area),
+             angle = static_cast<double>(emission.pdf_solid_angle);
+  n.light_prob = prob * (path_.light_infinite ? angle : area);
+  n.pdf_to_eye[0] = path_.light_infinite ? area : angle;
+}
 
-  // C_0.
-  if (k > 1) {
-    const InnerVertex& first = path_.inner[0];
-    Vec3 front;
-    if (first.kind == VertexKind::surface && !inner_[0]->from_eye.scatters_through())
-      front = dot(path_.along[1], first.hit.shading.n) < 0 ? -first.hit.shading.n : first.hit.shading.n;
-    if (delta)
-      n.light_direct = static_cast<double>(scene_.prob_direct(first.hit, front, path_.light.emitter));
-    else if (path_.light_infinite)
-      n.light_direct =
-          static_cast<double>(scene_.pdf_direct_environment_solid_angle(first.hit, front, -path_.along[0]));
-    else
-      n.light_direct =
-          static_cast<double>(scene_.pdf_direct_solid_angle(first.hit, front, -path_.along[0], path_.light)) *
-          n.factor_to_eye[0] / n.distance_squared[0];
-  }
+// C_0.
+void Evaluation::evaluate_light_direct() {
+  PathNumbers& n = numbers_;
+  const bool delta = path_.light_delta_position || path_.light_delta_direction;
+  const InnerVertex& first = path_.inner[0];
+  Vec3 front;
+  if (first.kind == VertexKind::surface && !inner_[0].scatters_through)
+    front = dot(path_.along[1], first.hit.shading.n) < 0 ? -first.hit.shading.n : first.hit.shading.n;
+  if (delta)
+    n.light_direct = static_cast<double>(scene_.prob_direct(first.hit, front, path_.light.emitter));
+  else if (path_.light_infinite)
+    n.light_direct =
+        static_cast<double>(scene_.pdf_direct_environment_solid_angle(first.hit, front, -path_.along[0]));
+  else
+    n.light_direct =
+        static_cast<double>(scene_.pdf_direct_solid_angle(first.hit, front, -path_.along[0], path_.light)) *
+        n.factor_to_eye[0] / n.distance_squared[0];
+}
 
-  // Q_k, C_k, and the density of the eye's walk's direction.
+// Q_k, C_k, and the density of the eye's walk's direction.
+bool Evaluation::evaluate_sensor() {
+  const std::size_t k = path_.edge_count();
+  PathNumbers& n = numbers_;
   scene::CameraDensity camera;
   if (!scene_.pdf_camera(path_.lens_near, -path_.along[k - 1], camera, rules_.film_border)) return false;
   n.lens_can_be_hit = !camera.delta_position && !camera.delta_direction;

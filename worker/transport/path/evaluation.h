@@ -17,22 +17,33 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <vector>
 
 #include "worker/transport/path/full_path.h"
 
-namespace candela::scene {
-class EditedWalk;
-}
-
 namespace candela::transport::path {
+
+class Evaluation;
+
+// The evaluation of another path of the same scene by the same rules, and the numbers of vertices, from the
+// light's end and from the sensor's, that are the same in both paths.
+struct SharedEnds {
+  const Evaluation* of = nullptr;  // null: none. It is valid
+  std::size_t light = 0, sensor = 0;
+};
+
+enum class Wanted : std::uint8_t {
+  all,
+  if_lit  // a path whose ends and vertices pass no light is not followed, and counts as not valid
+};
 
 // Everything about a path in its scene.
 class Evaluation {
  public:
   // valid() is false where the path cannot be followed: a ray between two vertices does not arrive.
-  Evaluation(const scene::Scene& scene, const FullPath& path, const Rules& rules);
+  // shared: parts that follow from shared vertices alone are copied; the numbers are the same to the bit.
+  Evaluation(const scene::Scene& scene, const FullPath& path, const Rules& rules,
+             const SharedEnds& shared = {}, Wanted wanted = Wanted::all);
   bool valid() const { return valid_; }
   // Media found going from the light and from the eye are the same.
   bool media_agree() const { return media_agree_; }
@@ -41,7 +52,7 @@ class Evaluation {
   // The relative error that floats may give the path's densities and contribution, as far as it is known:
   // cosines that vanish, and stretches of media, which walks take to end short of surfaces by their error.
   // Not counted: lobes as narrow as the last bits of a direction.
-  double rounding() const { return rounding_; }
+  double rounding() const;
   const PathNumbers& numbers() const { return numbers_; }
 
   // The measurement contribution f(x), per channel: emitted radiance, geometric terms, transmittance, bsdfs
@@ -68,43 +79,66 @@ class Evaluation {
     std::array<double, 3> fraction{};
     double prob_from_light = 1, prob_from_eye = 1;
   };
+  // Most edges have one stretch, which needs no memory of its own.
+  class Stretches {
+   public:
+    std::size_t size() const { return size_; }
+    Stretch& operator[](std::size_t i) { return i == 0 ? first_ : more_[i - 1]; }
+    const Stretch& operator[](std::size_t i) const { return i == 0 ? first_ : more_[i - 1]; }
+    void push_back(const Stretch& stretch) {
+      if (size_ == 0)
+        first_ = stretch;
+      else
+        more_.push_back(stretch);
+      ++size_;
+    }
+
+   private:
+    Stretch first_;
+    std::vector<Stretch> more_;
+    std::size_t size_ = 0;
+  };
   struct Edge {
-    std::vector<Stretch> stretches;
+    Stretches stretches;
     std::vector<Pass> passes;
   };
   struct Inner {
-    scene::Closure from_light, from_eye;
-    scene::ClosureArena arena_light, arena_eye;
-    // With edits that select by the path: the densities that both walks' weights know. Values are those of
-    // the vertex alone.
-    std::shared_ptr<scene::EditedWalk> light_walk, eye_walk;
     std::array<double, 3> value{};              // rho_i
     double prob_to_eye = 0, prob_to_light = 0;  // true densities of the directions
+    bool scatters_through = false;              // as the eye's walk sees the bsdf
   };
 
   bool follow_edge(std::size_t i);
   void assign_media();
   void evaluate_inner(std::size_t i);
-  void evaluate_delta(std::size_t i, Vec3 to_light, Vec3 to_eye);
-  bool evaluate_ends();
+  void evaluate_delta(std::size_t i, const scene::Closure& from_light, const scene::Closure& from_eye,
+                      Vec3 to_light, Vec3 to_eye);
+  void evaluate_light();
+  void evaluate_light_direct();
+  bool evaluate_sensor();
+  // False: emission, importance or a bsdf is zero.
+  bool may_be_lit() const;
+  // Copies what depends on edge i, on vertex i and its neighbors, or on an end, from the shared vertices of
+  // another path. False: they are not shared.
+  bool copy_edge(const SharedEnds& shared, std::size_t i);
+  bool copy_inner(const SharedEnds& shared, std::size_t i);
   std::array<double, 3> transmittance(const Edge& edge) const;
-  std::array<double, 3> emitted() const;
   // Density with which the light's (eye's) walk makes its first `count` vertices.
   Scaled walk_density(bool from_light, std::size_t count) const;
   enum class Arrival : std::uint8_t { surface, medium, lens };
   Scaled fly(bool from_light, std::size_t edge, Arrival arrival, bool expects_passes,
              std::array<double, 3>& color) const;
   Vec3d place(std::size_t i) const;
-  void count_rounding();
 
   const scene::Scene& scene_;
   const FullPath& path_;
   Rules rules_;
   bool valid_ = true, media_agree_ = true, closed_form_ = true;
-  double rounding_ = 0;
   PathNumbers numbers_;
   std::vector<Edge> edges_;
-  std::vector<std::unique_ptr<Inner>> inner_;
+  std::vector<Inner> inner_;
+  std::array<double, 3>
+      emitted_{};          // radiance along the first edge; of a delta light as EmissionSample has it
   double importance_ = 0;  // of the last edge, its cosine at the lens included
 };
 

@@ -5,25 +5,11 @@
 
 namespace candela::transport::path {
 
-void Scaled::normalize() {
+void Scaled::normalize_rare() {
   if (mantissa_ == 0 || !std::isfinite(mantissa_)) return;
   int exponent = 0;
   mantissa_ = 2 * std::frexp(mantissa_, &exponent);
   exponent_ += exponent - 1;
-}
-
-Scaled& Scaled::operator*=(const Scaled& other) {
-  mantissa_ *= other.mantissa_;
-  exponent_ = mantissa_ == 0 ? 0 : exponent_ + other.exponent_;
-  normalize();
-  return *this;
-}
-
-Scaled& Scaled::operator/=(const Scaled& other) {
-  mantissa_ /= other.mantissa_;
-  exponent_ = mantissa_ == 0 ? 0 : exponent_ - other.exponent_;
-  normalize();
-  return *this;
 }
 
 bool operator<(const Scaled& a, const Scaled& b) {
@@ -32,6 +18,8 @@ bool operator<(const Scaled& a, const Scaled& b) {
 }
 
 double Scaled::value() const {
+  if (mantissa_ >= 1 && mantissa_ < 2 && exponent_ > -kBias && exponent_ <= kBias)
+    return mantissa_ * std::bit_cast<double>(static_cast<std::uint64_t>(exponent_ + kBias) << kFractionBits);
   return std::ldexp(mantissa_, static_cast<int>(std::clamp<std::int64_t>(exponent_, -5000, 5000)));
 }
 

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -18,8 +19,18 @@ namespace candela::transport::path {
 class Scaled {
  public:
   Scaled(double value = 0) : mantissa_(value) { normalize(); }  // NOLINT(google-explicit-constructor)
-  Scaled& operator*=(const Scaled& other);
-  Scaled& operator/=(const Scaled& other);
+  Scaled& operator*=(const Scaled& other) {
+    mantissa_ *= other.mantissa_;
+    exponent_ = mantissa_ == 0 ? 0 : exponent_ + other.exponent_;
+    normalize();
+    return *this;
+  }
+  Scaled& operator/=(const Scaled& other) {
+    mantissa_ /= other.mantissa_;
+    exponent_ = mantissa_ == 0 ? 0 : exponent_ - other.exponent_;
+    normalize();
+    return *this;
+  }
   friend Scaled operator*(Scaled a, const Scaled& b) { return a *= b; }
   friend Scaled operator/(Scaled a, const Scaled& b) { return a /= b; }
   friend bool operator<(const Scaled& a, const Scaled& b);
@@ -28,8 +39,18 @@ class Scaled {
   double value() const;
 
  private:
-  void normalize();
-  double mantissa_;  // 0 or in [1, 2)
+  void normalize() {
+    const auto bits = std::bit_cast<std::uint64_t>(mantissa_);
+    const std::uint64_t exponent = bits >> kFractionBits & 0x7ff;
+    if (exponent == 0 || exponent == 0x7ff) return normalize_rare();
+    mantissa_ = std::bit_cast<double>((bits & ~(std::uint64_t{0x7ff} << kFractionBits)) |
+                                      std::uint64_t{kBias} << kFractionBits);
+    exponent_ += static_cast<std::int64_t>(exponent) - kBias;
+  }
+  void normalize_rare();  // zero, denormal, or not finite
+
+  static constexpr int kFractionBits = 52, kBias = 1023;  // of a double
+  double mantissa_;                                       // 0 or in [1, 2)
   std::int64_t exponent_ = 0;
 };
 
@@ -83,6 +104,7 @@ struct Rules {
   double eye_paths = 1;  // per iteration
   // Walks pass surfaces in expectation, not by chance, on the last edge that they may have.
   std::size_t max_edges = 1u << 30, max_light_edges = 1u << 30;
+  std::uint64_t* rays = nullptr;  // counts the rays of an evaluation; null: nobody does
 };
 
 struct Technique {

@@ -14,8 +14,9 @@ using manifold::ChainVertex;
 
 constexpr double kIndexMatched = 1e-3;  // of |eta - 1| [half-vector note, section 2]
 
-// All of the vertex that follows from its surface. False: a map turns the normal, or there are no tangents.
-bool set_surface(const scene::Scene& scene, const scene::CanonicalPoint& point, ChainVertex& v) {
+// All of the vertex that follows from its surface. error: of the point's hit. False: a map turns the normal,
+// or there are no tangents.
+bool set_surface(const scene::Scene& scene, const scene::CanonicalPoint& point, float error, ChainVertex& v) {
   const scene::SurfaceGeometry at = scene.points().at(point);
   v.x = at.p;
   v.ng = at.ng;
@@ -25,8 +26,13 @@ bool set_surface(const scene::Scene& scene, const scene::CanonicalPoint& point, 
   v.n_u = at.dn_du;
   v.n_v = at.dn_dv;
   v.point = point;
-  v.error = static_cast<double>(scene.points().hit(point).error);
+  v.error = static_cast<double>(error);
   return at.has_shading_derivatives && orthonormalize(v);
+}
+
+bool set_end(const scene::Scene& scene, const scene::CanonicalPoint& point, float error, ChainVertex& v) {
+  // Derivatives of an end's normal are in no formula.
+  return set_surface(scene, point, error, v) || length(v.p_u) > 0;
 }
 
 void set_tangents(ChainVertex& v) {
@@ -52,7 +58,8 @@ NoSegment set_end(const scene::Scene& scene, const Path& path, const Assembled& 
   if (named.kind == Kind::medium) return NoSegment::medium;
   ChainVertex v;
   if (is_on_surface(named.kind)) {
-    if (!set_end_surface(scene, named.point, v)) return NoSegment::map;
+    const scene::SurfaceHit& hit = i == 0 ? assembled.path.light : assembled.path.inner[i - 1].hit;
+    if (!set_end(scene, named.point, hit.error, v)) return NoSegment::map;
   } else if (named.kind == Kind::sensor) {
     if (assembled.path.lens_infinite) return NoSegment::far_sensor;
     v = free_end(Vec3d(assembled.path.lens), -assembled.edges.back().direction);
@@ -75,8 +82,8 @@ NoSegment set_inner(const scene::Scene& scene, const Path& path, const Assembled
   const PathVertex& named = path.vertices[i];
   if (named.kind != Kind::surface) return NoSegment::medium;
   ChainVertex v;
-  if (!set_surface(scene, named.point, v)) return NoSegment::map;
   const scene::SurfaceHit& hit = assembled.path.inner[i - 1].hit;
+  if (!set_surface(scene, named.point, hit.error, v)) return NoSegment::map;
   const Vec3d to_light = -assembled.edges[i - 1].direction, to_eye = assembled.edges[i].direction;
   const bool transmitted = dot(to_light, v.n) * dot(to_eye, v.n) < 0;
   const Vec3 wo = hit.shading.to_local(Vec3(to_eye));
@@ -100,8 +107,7 @@ NoSegment set_inner(const scene::Scene& scene, const Path& path, const Assembled
 }  // namespace
 
 bool set_end_surface(const scene::Scene& scene, const scene::CanonicalPoint& point, ChainVertex& v) {
-  // Derivatives of an end's normal are in no formula.
-  return set_surface(scene, point, v) || length(v.p_u) > 0;
+  return set_end(scene, point, scene.points().hit(point).error, v);
 }
 
 NoSegment make_segment(const scene::Scene& scene, const Path& path, const Assembled& assembled,
@@ -109,6 +115,9 @@ NoSegment make_segment(const scene::Scene& scene, const Path& path, const Assemb
   out = {};
   out.begin = begin;
   out.end = end;
+  out.chain.vertices.reserve(end - begin + 1);
+  out.alphas.reserve(end - begin - 1);
+  out.bsdfs.reserve(end - begin - 1);
   NoSegment reason = set_end(scene, path, assembled, begin, out);
   for (std::size_t i = begin + 1; i < end && reason == NoSegment::none; ++i)
     reason = set_inner(scene, path, assembled, i, out);
@@ -130,9 +139,10 @@ bool SceneSurfaces::meet(std::size_t i, const ChainVertex& from, Vec3d towards, 
   Ray ray{Vec3(from.x + from.ng * side), Vec3(d)};
   for (std::uint32_t passes = 0; passes < kMostPasses; ++passes) {
     const auto point = scene_.points().intersect(ray, from.x, d);
+    if (rays_ != nullptr) ++*rays_;
     if (!point) return false;
     const scene::SurfaceHit hit = scene_.points().hit(*point);
-    if (hit.bsdf == segment_.bsdfs[i - 1]) return set_surface(scene_, *point, out);
+    if (hit.bsdf == segment_.bsdfs[i - 1]) return set_surface(scene_, *point, hit.error, out);
     if (scene_.straight(hit, Vec3(-d)).is_black()) return false;
     ray = spawn_ray(hit, Vec3(d));
   }

@@ -47,14 +47,16 @@ bool set_end_surface(const scene::Scene& scene, const scene::CanonicalPoint& poi
 // What rays of a segment's walk meet. A surface of another bsdf is passed if light passes it straight.
 class SceneSurfaces final : public manifold::Surfaces {
  public:
-  // Both must outlive this.
-  SceneSurfaces(const scene::Scene& scene, const Segment& segment) : scene_(scene), segment_(segment) {}
+  // All must outlive this. rays: counts them; null: nobody does.
+  SceneSurfaces(const scene::Scene& scene, const Segment& segment, std::uint64_t* rays = nullptr)
+      : scene_(scene), segment_(segment), rays_(rays) {}
   bool meet(std::size_t i, const manifold::ChainVertex& from, Vec3d towards,
             manifold::ChainVertex& out) const override;
 
  private:
   const scene::Scene& scene_;
   const Segment& segment_;
+  std::uint64_t* rays_;
 };
 
 // Pixels per unit of the tangent coordinates at `v`, the vertex before the sensor: by differences over

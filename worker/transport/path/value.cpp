@@ -28,17 +28,10 @@ Channels stretch_transmittance(const scene::Medium& medium, double length) {
 
 }  // namespace
 
-Channels Evaluation::emitted() const {
-  const bool delta = path_.light_delta_position || path_.light_delta_direction;
-  const Spectrum radiance = delta                  ? path_.light_delta_radiance
-                            : path_.light_infinite ? scene_.environment(-path_.along[0])
-                                                   : scene_.emitted(path_.light, path_.along[0]);
-  return {static_cast<double>(radiance.r), static_cast<double>(radiance.g), static_cast<double>(radiance.b)};
-}
-
 Channels Evaluation::transmittance(const Edge& edge) const {
   Channels t{1, 1, 1};
-  for (const Stretch& stretch : edge.stretches) {
+  for (std::size_t j = 0; j < edge.stretches.size(); ++j) {
+    const Stretch& stretch = edge.stretches[j];
     if (stretch.medium == scene::kNone || !scene_.medium(stretch.medium).homogeneous()) continue;
     const Channels passed = stretch_transmittance(scene_.medium(stretch.medium), stretch.length);
     for (std::size_t c = 0; c < 3; ++c) t[c] *= passed[c];
@@ -49,16 +42,16 @@ Channels Evaluation::transmittance(const Edge& edge) const {
 }
 
 std::array<Scaled, 3> Evaluation::contribution() const {
-  const Channels radiance = emitted();
   std::array<Scaled, 3> f;
-  for (std::size_t c = 0; c < 3; ++c) {
-    f[c] = Scaled(radiance[c]) * importance_;
-    for (std::size_t i = 0; i < numbers_.edges; ++i) {
-      // The cosine at the end towards the eye is the bsdf's, or the lens'.
-      const double leaving = numbers_.in_medium[i] ? 1 : numbers_.factor_to_eye[i];
-      f[c] *= transmittance(edges_[i])[c];
+  for (std::size_t c = 0; c < 3; ++c) f[c] = Scaled(emitted_[c]) * importance_;
+  for (std::size_t i = 0; i < numbers_.edges; ++i) {
+    // The cosine at the end towards the eye is the bsdf's, or the lens'.
+    const double leaving = numbers_.in_medium[i] ? 1 : numbers_.factor_to_eye[i];
+    const Channels passed = transmittance(edges_[i]);
+    for (std::size_t c = 0; c < 3; ++c) {
+      f[c] *= passed[c];
       f[c] *= leaving / numbers_.distance_squared[i];
-      if (i > 0) f[c] *= inner_[i - 1]->value[c];
+      if (i > 0) f[c] *= inner_[i - 1].value[c];
     }
   }
   return f;
@@ -101,7 +94,7 @@ Scaled Evaluation::step_density(bool from_light, std::size_t v) const {
   if (before == (from_light ? 0 : n.edges))
     density = from_light ? n.pdf_to_eye[0] : n.pdf_to_light[n.edges];
   else
-    density = from_light ? inner_[before - 1]->prob_to_eye : inner_[before - 1]->prob_to_light;
+    density = from_light ? inner_[before - 1].prob_to_eye : inner_[before - 1].prob_to_light;
   const Arrival arrival = n.in_medium[v] ? Arrival::medium : v == n.edges ? Arrival::lens : Arrival::surface;
   Channels white{1, 1, 1};
   density *= fly(from_light, edge, arrival, false, white);
@@ -127,14 +120,14 @@ Scaled Evaluation::walk_density(bool from_light, std::size_t count) const {
   const std::size_t k = n.edges;
   if (count == 0) return 1;
   Scaled density = from_light ? n.light_prob : n.lens_prob;
-  Channels color = from_light ? emitted() : Channels{1, 1, 1};
+  Channels color = from_light ? emitted_ : Channels{1, 1, 1};
   for (std::size_t step = 1; step < count; ++step) {
     const std::size_t v = from_light ? step : k - step;  // arrived at
     const std::size_t before = from_light ? v - 1 : v + 1, edge = from_light ? v - 1 : v;
     if (step == 1) {
       density *= from_light ? n.pdf_to_eye[0] : n.pdf_to_light[k];
     } else {
-      const Inner& x = *inner_[before - 1];
+      const Inner& x = inner_[before - 1];
       density *= from_light ? x.prob_to_eye : x.prob_to_light;
       const Spectrum scattered = spectrum(x.value);
       color[0] *= static_cast<double>(scattered.r);
