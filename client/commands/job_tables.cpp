@@ -56,7 +56,7 @@ std::string failures_text(const Failures& failures) {
   return join(parts, ", ");
 }
 
-// Of all groups together: failures by cause, as shares of the proposals, and rays per proposal.
+// The sums of all groups: failures by cause, as shares of the proposals, and rays per proposal.
 template <class Line>
 void print_mutations(Line&& line, const v1::ChainStatus& c) {
   std::vector<std::string> names;  // in the job's order

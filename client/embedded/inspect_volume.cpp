@@ -235,7 +235,7 @@ Result<int> volume_on_farm(Context& context, const VolumeOptions& options, const
                            const OpenedScene& opened, LoadedScene scene, loaders::VolumeData& data,
                            VolumeNumbers& numbers) {
   const CellGrid& grid = request.grid;
-  // What a job would refuse after it was submitted.
+  // A job would refuse it after it was submitted.
   CANDELA_TRY(inspect::PathSampling::create(*opened.session, request.pixels, request.spp));
   if (grid.count() + integrators::kCellFilmSums > Limits::max_pixels)
     return usage_error(

@@ -85,7 +85,7 @@ struct ChainCounts {
   double large_sum = 0, large_square_sum = 0;  // of the scalar contribution of all proposed large steps
   std::uint64_t longest_stay = 0;              // mutations in a row that left the chain where it was
   std::uint64_t present_stay = 0;
-  float stay_x = 0, stay_y = 0;             // pixel of the longest stay
+  float stay_x = 0, stay_y = 0;               // pixel of the longest stay
   std::vector<MutationCounts> by_mutation{};  // large steps are none; empty if the renderer does not tell
   bool operator==(const ChainCounts&) const = default;
 };

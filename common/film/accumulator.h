@@ -187,7 +187,7 @@ class MergedAccumulator {
   }
   // The sums of keys. Empty in another domain.
   const KeyedSums& keys() const { return keys_; }
-  // Of the grid; of keys the film's.
+  // The size of the grid; that of the film for keys.
   std::uint32_t width() const { return layout_.width; }
   std::uint32_t height() const { return layout_.height; }
   std::uint64_t memory_bytes() const { return keyed() ? keys_.memory_bytes() : sums_.memory_bytes(); }

@@ -57,7 +57,7 @@ Json chains(const v1::ChainStatus& c) {
                               {"large_accepted", g.large_accepted()},
                               {"longest_stay", g.longest_stay()},
                               {"stay_pixel", {finite(g.stay_x()), finite(g.stay_y())}}});
-  // Of all groups together; absent if the integrator does not mutate paths.
+  // The sums of all groups; absent if the integrator does not mutate paths.
   for (const v1::ChainGroupStatus& g : c.groups())
     for (const v1::MutationStatus& m : g.by_mutation()) {
       Json& sum = json["by_mutation"][m.name()];

@@ -84,7 +84,7 @@ TEST(PhotonChains, TheRuleDecidesFromWholeEpochs) {
   ASSERT_TRUE(rule.ok());
   const auto report = rule->describe(chain_epochs(), 4, kWidth, kHeight, done->states[4], done->carry, false);
   ASSERT_TRUE(report.ok());
-  // Of 4 iterations with 10 visible paths, 4 with none, 2 with 6: the mean is 5.2.
+  // 4 iterations have 10 visible paths, 4 none, 2 have 6: the mean is 5.2.
   const double flicker = std::sqrt((472 - 10 * 5.2 * 5.2) / 9) / 5.2;
   const std::vector<std::pair<std::string, double>> figures = {{"step size", after_2},
                                                                {"acceptance", 220.0 / 600},

@@ -126,7 +126,7 @@ TEST(Progress, OfChains) {
   EXPECT_EQ(json.at("chains").at("groups").at(0).at("longest_stay"), 4);
   EXPECT_EQ(json.at("chains").at("groups").at(0).at("stay_pixel").at(0), 7.5);
   EXPECT_FALSE(json.at("chains").contains("by_mutation"));
-  // Of a renderer that tells them: sums of all groups.
+  // The sums of all groups, from a renderer that tells them.
   for (v1::ChainGroupStatus* one : {&group, chains.add_groups()}) {
     v1::MutationStatus& lens = *one->add_by_mutation();
     lens.set_name("lens");

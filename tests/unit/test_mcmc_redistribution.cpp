@@ -41,7 +41,7 @@ class ToyTarget final : public PrimaryTarget {
   }
 };
 
-// Of I by pixel, and last of red over all.
+// Sums of I by pixel, and last of red over all.
 std::array<double, kPixels + 1> exact() {
   std::array<double, kPixels + 1> out{};
   double& red = out[kPixels];

@@ -115,7 +115,7 @@ struct Share {
 };
 Share share_by_recursion(std::uint64_t segments, std::uint64_t mutations) {
   using State = std::array<double, 3>;
-  // Of chains in a state: their probability, and sums over them of the count so far and of its square.
+  // The chains in a state: their probability, and sums over them of the count so far and of its square.
   State p{2.0 / 3, 1.0 / 3, 0}, first{}, second{};
   for (std::uint64_t segment = 0; segment < segments; ++segment) {
     const std::uint64_t begin = segment * mutations;

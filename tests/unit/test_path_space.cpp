@@ -297,7 +297,7 @@ TEST(PathSpace, ChainsGoThroughBytesWithoutAChange) {
   }
 }
 
-// What a new state copies from the state before it is what it would compute.
+// A new state copies values from the state before it that equal what it would compute.
 TEST(PathSpace, SharedVerticesAreCopiedToTheBit) {
   for (const path::Case& c : path::cases()) {
     SCOPED_TRACE(c.name);

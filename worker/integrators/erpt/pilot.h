@@ -1,4 +1,4 @@
-// What erpt learns from independent samples before the job: the energy of a chain, and its length.
+// The pilot of erpt: independent samples before the job decide the energy of a chain, and its length.
 #pragma once
 
 #include <cstdint>

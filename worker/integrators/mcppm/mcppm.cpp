@@ -22,7 +22,7 @@
 namespace candela::integrators {
 namespace {
 
-// Of the decision: the radius, and 1 if chains run; with split=pilot the light paths and mutations of an
+// The values of the decision: the radius, and 1 if chains run; with split=pilot the light paths and mutations of an
 // iteration, too.
 constexpr std::string_view kKind = "mcp1", kSplitKind = "mcs1";
 

@@ -16,7 +16,7 @@ namespace candela::integrators {
 // The options of recorded paths. Error (usage): light that no technique samples.
 Result<estimators::PathOptions> recorded_options(const BdptSettings& settings);
 
-// Of one thread.
+// The records of one thread.
 class RecordedSamples {
  public:
   // width: of the camera's film; film_pixels: of all of it. light, paths and techniques outlive this object.

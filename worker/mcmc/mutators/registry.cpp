@@ -32,7 +32,7 @@ std::unique_ptr<PathMutator> make_half_vector(const MutatorContext& context) {
   return std::make_unique<HalfVectorMutator>(context.scene, HalfVectorRules{}, context.rays);
 }
 
-// Of segments between diffuse vertices, as wide as the film allows.
+// For segments between diffuse vertices, as wide as the film allows.
 template <bool kOneStep>
 std::unique_ptr<PathMutator> make_segments(const MutatorContext& context) {
   HalfVectorRules rules;
