@@ -57,7 +57,7 @@ class Mattes : public testing::Test {
                                       in_folder(name), "--integrator",         integrator};
     const std::vector<std::string> more =
         integrator == "pssmlt"
-            ? std::vector<std::string>{"--iterations", "1", "--set", "chains=4", "--set", "bootstrap=1000"}
+            ? std::vector<std::string>{"--iterations", "16", "--set", "chains=4", "--set", "bootstrap=1000"}
             : std::vector<std::string>{"--iterations", "32"};
     words.insert(words.end(), more.begin(), more.end());
     words.insert(words.end(), {"--aov", "coverage,crypto_object"});

@@ -87,6 +87,45 @@ TEST(JobAccumulators, FollowTheFilm) {
   EXPECT_FALSE(film.account().merged[1].intersects(9, 10));
 }
 
+// Claim: pairs of pixel and key beyond those that there is memory for are refused, of one unit and of
+// several, as a fault of what was asked for. The sums are those of before, and no pair is dropped.
+TEST(JobAccumulators, TooManyKeysAreRefused) {
+  constexpr film::Layout kFilm{256, 256, 1};
+  film::AccumulatorSpec spec{"mattes", 1, 0, Per::job, film::AccumulatorSpec::Domain::keys};
+  spec.key_names.assign(17, "name");  // in all pixels a few more than 2^20 pairs
+  const auto delta_of = [&](std::uint64_t unit, std::uint32_t first, std::uint32_t last) {
+    film::UnitAccumulator mattes(kFilm.width, kFilm.height, spec);
+    film::Tallies tallies;
+    for (std::uint32_t key = first; key < last; ++key)
+      for (std::uint32_t p = 0; p < kFilm.pixel_count(); ++p)
+        mattes.add_key(p % kFilm.width, p / kFilm.width, key, 1, 1, tallies);
+    EXPECT_EQ(mattes.overfull(), last - first == 17);
+    film::DeltaWriter writer({{Unit::Kind::iterations, 0, unit, unit + 1}, {}, 0, "j", "b"});
+    writer.film(film::UnitFilm(kFilm, 10));
+    writer.accumulator(mattes, 0);
+    writer.counts({});
+    return film::Delta::decode(writer.finish(), {kFilm, {spec}});
+  };
+  EXPECT_FALSE(delta_of(0, 0, 17).ok());
+  const auto first = delta_of(0, 0, 9), second = delta_of(1, 8, 17);
+  ASSERT_TRUE(first.ok() && second.ok());
+  test::TemporaryFolder folder;
+  JobFilm film(folder.path(), kFilm, 10, &write_file_atomically, CheckpointShape{0, {spec}});
+  ASSERT_TRUE(film.ensure_loaded().ok());
+  ASSERT_TRUE(film.merge(*first).ok());
+  const std::string before = film.accumulator("mattes", 0)->serialise();
+  const auto refused = film.merge(*second);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().kind, ErrorKind::usage);
+  EXPECT_EQ(refused.error().field, "accumulators");
+  EXPECT_TRUE(film.accumulator("mattes", 0)->serialise() == before);
+  EXPECT_FALSE(film.account().merged[0].intersects(1, 2));
+  ASSERT_TRUE(film.checkpoint().ok());
+  JobFilm again(folder.path(), kFilm, 10, &write_file_atomically, CheckpointShape{0, {spec}});
+  ASSERT_TRUE(again.ensure_loaded().ok());
+  EXPECT_TRUE(again.accumulator("mattes", 0)->serialise() == before);
+}
+
 // Claim: one checkpoint holds film, accumulators and states; what is read is what was written, to the byte;
 // a state that is remembered makes the job dirty; damaged and foreign bytes are refused, and checkpoints of
 // films alone are read as before.

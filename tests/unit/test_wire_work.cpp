@@ -12,7 +12,15 @@ WorkPlan whole_plan() {
   WorkPlan plan;
   plan.layers = {"s2.t3", "independent"};
   plan.accumulators = {{"radius.sectors", 13, 12, AccumulatorSpec::Per::epoch},
-                       {"matrix", 64, -8, AccumulatorSpec::Per::job}};
+                       {"matrix", 64, -8, AccumulatorSpec::Per::job},
+                       {"lights", 2, 0, AccumulatorSpec::Per::epoch, AccumulatorSpec::Domain::table, 3000},
+                       {"mattes",
+                        1,
+                        36,
+                        AccumulatorSpec::Per::job,
+                        AccumulatorSpec::Domain::keys,
+                        0,
+                        {"cube", std::string("a\0\xff", 3)}}};
   plan.epochs = EpochPlan{8, 16, 1, "sectors", {{"alpha", "0.01"}, {"k", "0.7"}}};
   plan.development = DevelopmentPlan{"optimal_mis", {{"estimator", "crossfit"}}};
   return plan;
@@ -55,6 +63,9 @@ TEST(WireWorkPlan, ListsAreBounded) {
   for (std::uint32_t i = 0; i <= film::kMaxAccumulators; ++i) message.add_accumulators();
   EXPECT_EQ(wire::from_proto(message).error().field, "work.accumulators");
   message.Clear();
+  message.add_accumulators()->set_domain(static_cast<v1::AccumulatorSpec::Domain>(3));
+  EXPECT_EQ(wire::from_proto(message).error().field, "work.accumulators");
+  message.Clear();
   message.mutable_chains()->set_chains(7);
   EXPECT_EQ(wire::from_proto(message).error().field.rfind("work.chains", 0), 0U);
 }
@@ -71,6 +82,9 @@ TEST(WorkPlan, PartsAreChecked) {
   EXPECT_EQ(field([](WorkPlan& p) { p.layers = {"a/b"}; }), "work.layers");
   EXPECT_EQ(field([](WorkPlan& p) { p.accumulators[0].channels = film::kMaxAccumulatorChannels + 1; }),
             "work.accumulators");
+  EXPECT_EQ(field([](WorkPlan& p) { p.accumulators[3].per = AccumulatorSpec::Per::epoch; }),
+            "work.accumulators");
+  EXPECT_EQ(field([](WorkPlan& p) { p.accumulators[2].entries = 0; }), "work.accumulators");
   EXPECT_EQ(field([](WorkPlan&) {}, 16384), "work.accumulators") << "too large together";
   EXPECT_EQ(field([](WorkPlan& p) { p.epochs.reset(); }), "work.accumulators") << "of epochs that are not";
   EXPECT_EQ(field([](WorkPlan& p) { p.epochs->first = 0; }), "work.epochs.first");
