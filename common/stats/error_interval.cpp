@@ -212,9 +212,9 @@ struct Blur {
 // expectation. `weights`: means over blocks of 1 / denominator; `sizes`: their pixels.
 Blur blur_of(const Movement::Bias& bias, const Row& weights, const Row& sizes) {
   if (bias.a.empty()) return {};
-  // Standard error of the noise alone, from d = a - b: a bias that both halves tell alike is not uncertain.
-  // Of normal noise n of variance d^2 / 2 = s, the product b b' of halves has a variance s^2, which d^4 / 12
-  // estimates, and 2 s b^2 of both factors.
+  // The standard error is that of the noise, by d = a - b: a bias that both halves tell alike is certain.
+  // Normal noise of variance s in each half, which d^2 / 2 estimates, gives the product of a bias b a
+  // variance of s^2 + 2 s b^2; d^4 / 12 estimates s^2.
   double sum = 0, variance = 0, pixels = 0;
   for (std::size_t block = 0; block < sizes.size(); ++block) {
     double product = 0, spread = 0;
