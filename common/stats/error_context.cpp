@@ -6,9 +6,7 @@ namespace candela::stats {
 
 ErrorContext context_of(const SettingsMap& settings, std::string_view plan) {
   constexpr double kAdaptive = 2.0 / 3;
-  // Means of the priors: of fppm and cppm, whose radii stay until a test finds bias, large.
-  constexpr double kWithConnections = 1.0 / 3, kOfPhotons = 3, kOfBalancedRadii = 1.5;
-  constexpr double kUntilFTest = 8, kUntilCountTest = 12;
+  constexpr double kWithConnections = 1.0 / 3, kOfPhotons = 2.2, kOfBalancedRadii = 1.4, kOfKeptRadii = 6;
   if (!settings.contains("radius")) return {};  // what merges has one
   const auto has = [&](std::string_view words) { return plan.find(words) != std::string_view::npos; };
   const bool all = has("use  everything");
@@ -26,10 +24,8 @@ ErrorContext context_of(const SettingsMap& settings, std::string_view plan) {
     context.expected_bias = kWithConnections;
   else if (settings.contains("r_max"))
     context.expected_bias = kOfBalancedRadii;
-  else if (settings.contains("alpha_f"))
-    context.expected_bias = kUntilFTest;
-  else if (settings.contains("alpha_chi"))
-    context.expected_bias = kUntilCountTest;
+  else if (settings.contains("alpha_f") || settings.contains("alpha_chi"))
+    context.expected_bias = kOfKeptRadii;
   return context;
 }
 

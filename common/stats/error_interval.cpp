@@ -212,20 +212,26 @@ struct Blur {
 // expectation. `weights`: means over blocks of 1 / denominator; `sizes`: their pixels.
 Blur blur_of(const Movement::Bias& bias, const Row& weights, const Row& sizes) {
   if (bias.a.empty()) return {};
-  double sum = 0, squares = 0, pixels = 0;
+  // The standard error is that of the noise, by d = a - b: a bias that both halves tell alike is certain.
+  // Normal noise of variance s in each half, which d^2 / 2 estimates, gives the product of a bias b a
+  // variance of s^2 + 2 s b^2; d^4 / 12 estimates s^2.
+  double sum = 0, variance = 0, pixels = 0;
   for (std::size_t block = 0; block < sizes.size(); ++block) {
-    double product = 0;
+    double product = 0, spread = 0;
     for (std::size_t c = 0; c < film::kChannels; ++c) {
       const std::size_t i = block * film::kChannels + c;
+      const double d = double{bias.a[i]} - bias.b[i];
       product += double{bias.a[i]} * bias.b[i] * weights[i];
+      spread += d * d / 2 * weights[i];
     }
     product *= sizes[block];
+    spread *= sizes[block];
     sum += product;
-    squares += product * product;
+    variance += spread * spread / 3 + 2 * std::max(0.0, product) * spread;
     pixels += sizes[block];
   }
   const double values = pixels * film::kChannels;
-  return {sum / values, std::sqrt(squares) / values};
+  return {sum / values, std::sqrt(variance) / values};
 }
 
 struct Posterior {

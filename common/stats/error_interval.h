@@ -22,7 +22,7 @@ struct ErrorContext {
   // The bias of merging goes as i^(alpha - 1) over the iterations. 1: nothing merges, or radii stay.
   double alpha = 1;
   // Bias of merging over noise that is expected before the image tells any: the mean of the prior.
-  double expected_bias = 3;
+  double expected_bias = 2.2;
   bool connects = false;               // connections find most light, merging the rest
   const Movement* movement = nullptr;  // of the image up to now
 };

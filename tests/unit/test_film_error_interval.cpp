@@ -374,9 +374,9 @@ TEST(ErrorContext, FollowsSettingsAndPlan) {
   const ErrorContext ppm = context_of({{"radius", "0"}, {"alpha", "0.5"}}, "use  photons on surfaces: x\n");
   EXPECT_EQ(ppm.alpha, 0.75);
   EXPECT_FALSE(ppm.connects);
-  EXPECT_EQ(ppm.expected_bias, 3);
+  EXPECT_EQ(ppm.expected_bias, 2.2);
   for (const auto& [name, expected] :
-       {std::pair("alpha_f", 8.0), std::pair("alpha_chi", 12.0), std::pair("r_max", 1.5)})
+       {std::pair("alpha_f", 6.0), std::pair("alpha_chi", 6.0), std::pair("r_max", 1.4)})
     EXPECT_EQ(context_of({{"radius", "0"}, {name, "1"}}, "use  photons on surfaces: x\n").expected_bias,
               expected);
   EXPECT_NEAR(context_of({{"radius", "0"}}, "use  photons on surfaces: x\n").alpha, 5.0 / 6, 1e-12);
