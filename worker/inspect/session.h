@@ -17,13 +17,11 @@
 #include "common/letters/request.h"
 #include "worker/core/vec.h"
 #include "worker/film/filter.h"
-#include "worker/integrators/volume/cell_grid.h"
 #include "worker/integrators/volume/recorded_path.h"
 #include "worker/scene/scene.h"
 
 namespace candela::inspect {
 
-using integrators::CellGrid;
 using integrators::PathConsumer;
 using integrators::PathVertex;
 using integrators::PixelRect;

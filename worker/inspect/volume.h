@@ -11,9 +11,12 @@
 #include "common/base/result.h"
 #include "worker/inspect/cell_sums.h"
 #include "worker/inspect/session.h"
+#include "worker/integrators/volume/cell_grid.h"
 #include "worker/loaders/volume.h"
 
 namespace candela::inspect {
+
+using integrators::CellGrid;
 
 struct VolumeRequest {
   PixelRect pixels;
