@@ -19,8 +19,7 @@ double relative_error(std::span<const Pair> rest, std::span<const double> tolera
 
 void set_rest(const Chain& chain, std::span<const Pair> targets, std::vector<Pair>& rest) {
   rest.resize(targets.size());
-  for (std::size_t i = 0; i < rest.size(); ++i)
-    rest[i] = targets[i] - constraint(Form::slope, chain, i + 1);
+  for (std::size_t i = 0; i < rest.size(); ++i) rest[i] = targets[i] - constraint(Form::slope, chain, i + 1);
 }
 
 }  // namespace

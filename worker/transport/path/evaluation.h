@@ -137,8 +137,9 @@ class Evaluation {
   PathNumbers numbers_;
   std::vector<Edge> edges_;
   std::vector<Inner> inner_;
-  std::array<double, 3> emitted_{};  // radiance along the first edge; of a delta light as EmissionSample has it
-  double importance_ = 0;            // of the last edge, its cosine at the lens included
+  std::array<double, 3>
+      emitted_{};          // radiance along the first edge; of a delta light as EmissionSample has it
+  double importance_ = 0;  // of the last edge, its cosine at the lens included
 };
 
 }  // namespace candela::transport::path
