@@ -56,6 +56,39 @@ std::string failures_text(const Failures& failures) {
   return join(parts, ", ");
 }
 
+// Of all groups together: failures by cause, as shares of the proposals, and rays per proposal.
+template <class Line>
+void print_mutations(Line&& line, const v1::ChainStatus& c) {
+  std::vector<std::string> names;  // in the job's order
+  std::map<std::string, v1::MutationStatus> sums;
+  for (const v1::ChainGroupStatus& g : c.groups())
+    for (const v1::MutationStatus& m : g.by_mutation()) {
+      const auto [found, first] = sums.try_emplace(m.name());
+      if (first) names.push_back(m.name());
+      v1::MutationStatus& sum = found->second;
+      sum.set_proposed(sum.proposed() + m.proposed());
+      sum.set_accepted(sum.accepted() + m.accepted());
+      sum.set_rays(sum.rays() + m.rays());
+      for (const auto& [cause, count] : m.failed()) (*sum.mutable_failed())[cause] += count;
+    }
+  for (const std::string& name : names) {
+    const v1::MutationStatus& m = sums[name];
+    if (m.proposed() == 0) continue;
+    std::string failures;
+    const std::map<std::string, std::uint64_t> failed(m.failed().begin(), m.failed().end());
+    for (const auto& [cause, count] : failed) {
+      if (count == 0) continue;
+      std::string words = cause;
+      std::replace(words.begin(), words.end(), '_', ' ');
+      failures +=
+          fmt::format("{}{} {}", failures.empty() ? "; failed: " : ", ", words, percent(count, m.proposed()));
+    }
+    line("  " + name, fmt::format("{} proposed, {} accepted{}; {:.1f} rays each", m.proposed(),
+                                  percent(m.accepted(), m.proposed()), failures,
+                                  static_cast<double>(m.rays()) / static_cast<double>(m.proposed())));
+  }
+}
+
 template <class Line>
 void print_chains(Line&& line, const v1::JobStatus& s) {
   const v1::ChainStatus& c = s.chains();
@@ -78,6 +111,7 @@ void print_chains(Line&& line, const v1::JobStatus& s) {
              percent(g.large_accepted(), g.large_steps()), g.longest_stay(), std::floor(g.stay_x()),
              std::floor(g.stay_y())));
   }
+  print_mutations(line, c);
 }
 
 template <class Line>

@@ -13,7 +13,8 @@
 namespace candela::chains {
 namespace {
 
-constexpr std::uint32_t kMagic = 0x31484343;  // "CCH1"
+constexpr std::uint32_t kMagic = 0x31484343;               // "CCH1"
+constexpr std::uint32_t kMagicWithMutations = 0x32484343;  // "CCH2": counts by mutation behind the state
 
 // Mean of values with sum and sum of squares, and the standard error of that mean.
 Normalisation from_sums(double sum, double square_sum, std::uint64_t samples) {
@@ -67,7 +68,7 @@ Result<void> validate(const ChainPlan& plan) {
 std::string encode(const ChainRecord& record) {
   const ChainCounts& c = record.counts;
   std::string out;
-  film::put_u32(out, kMagic);
+  film::put_u32(out, c.by_mutation.empty() ? kMagic : kMagicWithMutations);
   for (const std::uint64_t value : {record.segments, c.mutations, c.accepted, c.large_steps, c.large_accepted,
                                     c.longest_stay, c.present_stay})
     film::put_u64(out, value);
@@ -77,7 +78,70 @@ std::string encode(const ChainRecord& record) {
   film::put_u32(out, std::bit_cast<std::uint32_t>(c.stay_y));
   film::put_u32(out, static_cast<std::uint32_t>(record.state.size()));
   out += record.state;
+  if (c.by_mutation.empty()) return out;
+  film::put_u8(out, static_cast<std::uint8_t>(c.by_mutation.size()));
+  for (const MutationCounts& m : c.by_mutation) {
+    film::put_u8(out, static_cast<std::uint8_t>(m.name.size()));
+    out += m.name;
+    film::put_u64(out, m.proposed);
+    film::put_u64(out, m.accepted);
+    for (const std::uint64_t count : m.failed) film::put_u64(out, count);
+    film::put_u64(out, m.rays);
+  }
   return out;
+}
+
+namespace {
+
+constexpr std::size_t kMutationBytes = (3 + kMutationFailures.size()) * 8;  // beside the name
+
+// Counts by mutation, to the end of the bytes. Empty: they are not as encode() makes them.
+std::vector<MutationCounts> read_mutations(film::Reader& reader) {
+  std::vector<MutationCounts> out(reader.u8());
+  if (out.size() > kMaxMutations) return {};
+  for (MutationCounts& m : out) {
+    m.name = std::string(reader.bytes(reader.u8()));
+    m.proposed = reader.u64();
+    m.accepted = reader.u64();
+    for (std::uint64_t& count : m.failed) count = reader.u64();
+    m.rays = reader.u64();
+    if (m.name.empty() || m.name.size() > kMaxMutationName) return {};
+  }
+  if (!reader.ok() || !reader.rest().empty()) return {};
+  return out;
+}
+
+// Each proposal is counted once, and each is a mutation of the chain that is no large step.
+bool can_be(const ChainCounts& c) {
+  std::uint64_t small = c.mutations - c.large_steps, accepted = c.accepted - c.large_accepted;
+  for (const MutationCounts& m : c.by_mutation) {
+    if (m.proposed > small || m.accepted > m.proposed || m.accepted > accepted) return false;
+    small -= m.proposed;
+    accepted -= m.accepted;
+    std::uint64_t rest = m.proposed - m.accepted;
+    for (const std::uint64_t count : m.failed) {
+      if (count > rest) return false;
+      rest -= count;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+void add(std::vector<MutationCounts>& sums, std::span<const MutationCounts> counts) {
+  for (const MutationCounts& m : counts) {
+    auto sum =
+        std::find_if(sums.begin(), sums.end(), [&](const MutationCounts& one) { return one.name == m.name; });
+    if (sum == sums.end()) {
+      sums.push_back({m.name, 0, 0, {}, 0});
+      sum = sums.end() - 1;
+    }
+    sum->proposed += m.proposed;
+    sum->accepted += m.accepted;
+    for (std::size_t i = 0; i < m.failed.size(); ++i) sum->failed[i] += m.failed[i];
+    sum->rays += m.rays;
+  }
 }
 
 Result<ChainRecord> decode(std::string_view bytes) {
@@ -85,7 +149,8 @@ Result<ChainRecord> decode(std::string_view bytes) {
     return input_error(fmt::format("a chain's record cannot be used: {}", what)).with_field("chain_records");
   };
   film::Reader reader(bytes);
-  if (reader.u32() != kMagic) return bad("it does not start as one");
+  const std::uint32_t magic = reader.u32();
+  if (magic != kMagic && magic != kMagicWithMutations) return bad("it does not start as one");
   ChainRecord record;
   ChainCounts& c = record.counts;
   for (std::uint64_t* value : {&record.segments, &c.mutations, &c.accepted, &c.large_steps, &c.large_accepted,
@@ -96,7 +161,7 @@ Result<ChainRecord> decode(std::string_view bytes) {
   c.stay_x = std::bit_cast<float>(reader.u32());
   c.stay_y = std::bit_cast<float>(reader.u32());
   const std::uint32_t length = reader.u32();
-  if (!reader.ok() || reader.rest().size() != length) return bad("its length is wrong");
+  if (!reader.ok() || reader.rest().size() < length) return bad("its length is wrong");
   if (length > kMaxStateBytes) return bad(fmt::format("its state has more than {} bytes", kMaxStateBytes));
   if (c.accepted > c.mutations || c.large_steps > c.mutations || c.large_accepted > c.large_steps ||
       c.large_accepted > c.accepted || c.longest_stay > c.mutations || c.present_stay > c.longest_stay)
@@ -105,12 +170,19 @@ Result<ChainRecord> decode(std::string_view bytes) {
   if (!sum_ok(c.large_sum) || !sum_ok(c.large_square_sum) || !std::isfinite(c.stay_x) ||
       !std::isfinite(c.stay_y))
     return bad("a number of it is negative or not finite");
-  record.state = std::string(reader.rest());
+  record.state = std::string(reader.bytes(length));
+  if (magic == kMagic && !reader.rest().empty()) return bad("its length is wrong");
+  if (magic == kMagic) return record;
+  c.by_mutation = read_mutations(reader);
+  if (c.by_mutation.empty()) return bad("its counts by mutation cannot be read");
+  if (!can_be(c)) return bad("its counts by mutation contradict the others");
   return record;
 }
 
 std::size_t encoded_bytes(const ChainRecord& record) {
-  return 4 + 9 * 8 + 3 * 4 + record.state.size();  // magic, counts and sums, stay and length, state
+  std::size_t mutations = record.counts.by_mutation.empty() ? 0 : 1;
+  for (const MutationCounts& m : record.counts.by_mutation) mutations += 1 + m.name.size() + kMutationBytes;
+  return 4 + 9 * 8 + 3 * 4 + record.state.size() + mutations;  // magic, counts and sums, stay and length
 }
 
 std::string encode(std::span<const ChainRecord> records) {
@@ -268,11 +340,18 @@ Summary summarise(const BootstrapSums& bootstrap, std::span<const ChainCounts> c
     group.large_sum += c.large_sum;
     group.large_square_sum += c.large_square_sum;
     group.present_stay = std::max(group.present_stay, c.present_stay);
+    add(group.by_mutation, c.by_mutation);
     if (c.longest_stay <= group.longest_stay) continue;
     group.longest_stay = c.longest_stay;
     group.stay_x = c.stay_x;
     group.stay_y = c.stay_y;
   }
+  return out;
+}
+
+std::vector<MutationCounts> by_mutation(const Summary& summary) {
+  std::vector<MutationCounts> out;
+  for (const ChainCounts& group : summary.groups) add(out, group.by_mutation);
   return out;
 }
 

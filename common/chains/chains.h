@@ -34,8 +34,8 @@ inline constexpr std::uint32_t kMaxChains = 1U << 20;
 inline constexpr std::uint64_t kMaxBootstrapSamples = 1ULL << 26;
 inline constexpr std::uint64_t kMaxSegmentMutations = 1ULL << 32;
 inline constexpr std::size_t kMaxStateBytes = 64 * 1024;
-inline constexpr std::size_t kMaxRecordBytes = kMaxStateBytes + 128;  // encoded
-inline constexpr std::uint32_t kImageLayers = 2;                      // that are combined into the image
+inline constexpr std::size_t kMaxRecordBytes = kMaxStateBytes + 2048;  // encoded
+inline constexpr std::uint32_t kImageLayers = 2;                       // that are combined into the image
 
 // A layer of a job of chains that a light path expression chooses is the image's, of the paths that it
 // matches: two layers of the film, the second, of this name behind the first one's, for what the image's
@@ -59,6 +59,24 @@ constexpr std::uint64_t segment_of(std::uint64_t index, std::uint32_t chains) {
 // the bounds above. The error's field is one of ChainPlan's.
 Result<void> validate(const ChainPlan& plan);
 
+// Causes for which a mutation of a path comes to nothing, in the order in which it finds out.
+inline constexpr std::array<std::string_view, 6> kMutationFailures{"no_path", "no_convergence", "no_return",
+                                                                   "dark",    "one_way",        "not_finite"};
+
+// Counts of one kind of mutation. A proposal that neither failed nor was accepted had less light than the
+// path before it.
+struct MutationCounts {
+  std::string name;
+  std::uint64_t proposed = 0, accepted = 0;
+  std::array<std::uint64_t, kMutationFailures.size()> failed{};
+  std::uint64_t rays = 0;  // its cost: rays that proposals and their evaluation took
+  bool operator==(const MutationCounts&) const = default;
+};
+inline constexpr std::size_t kMaxMutations = 16, kMaxMutationName = 32;
+
+// Adds counts by name; names that `sums` does not have come behind those that it has.
+void add(std::vector<MutationCounts>& sums, std::span<const MutationCounts> counts);
+
 // All that a chain did since its start. Sums are of one chain, in its own order: whoever adds those of all
 // chains in the order of their numbers gets the same doubles.
 struct ChainCounts {
@@ -67,7 +85,8 @@ struct ChainCounts {
   double large_sum = 0, large_square_sum = 0;  // of the scalar contribution of all proposed large steps
   std::uint64_t longest_stay = 0;              // mutations in a row that left the chain where it was
   std::uint64_t present_stay = 0;
-  float stay_x = 0, stay_y = 0;  // pixel of the longest stay
+  float stay_x = 0, stay_y = 0;               // pixel of the longest stay
+  std::vector<MutationCounts> by_mutation{};  // large steps are none; empty if the renderer does not tell
   bool operator==(const ChainCounts&) const = default;
 };
 
@@ -168,6 +187,8 @@ Summary summarise(const BootstrapSums& bootstrap, std::span<const ChainCounts> c
 // worth thousands of b, and large steps that would average over its like have not found others in all the
 // time.
 inline constexpr std::uint64_t kLongStay = 10000;
+// The counts of all groups by mutation.
+std::vector<MutationCounts> by_mutation(const Summary& summary);
 // The group with the longest stay.
 const ChainCounts& longest_stay(const Summary& summary);
 // Message about it, with the pixel; empty if no chain stayed so long.

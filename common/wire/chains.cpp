@@ -73,6 +73,15 @@ void to_proto(const chains::Summary& summary, v1::ChainStatus& out) {
     group.set_longest_stay(c.longest_stay);
     group.set_stay_x(c.stay_x);
     group.set_stay_y(c.stay_y);
+    for (const chains::MutationCounts& m : c.by_mutation) {
+      v1::MutationStatus& one = *group.add_by_mutation();
+      one.set_name(m.name);
+      one.set_proposed(m.proposed);
+      one.set_accepted(m.accepted);
+      for (std::size_t cause = 0; cause < m.failed.size(); ++cause)
+        (*one.mutable_failed())[std::string(chains::kMutationFailures[cause])] = m.failed[cause];
+      one.set_rays(m.rays);
+    }
   }
 }
 
@@ -92,6 +101,14 @@ Result<chains::Summary> from_proto(const v1::ChainStatus& message) {
     c.longest_stay = group.longest_stay();
     c.stay_x = group.stay_x();
     c.stay_y = group.stay_y();
+    for (const v1::MutationStatus& one : group.by_mutation()) {
+      chains::MutationCounts m{one.name(), one.proposed(), one.accepted(), {}, one.rays()};
+      for (std::size_t cause = 0; cause < m.failed.size(); ++cause) {
+        const auto found = one.failed().find(std::string(chains::kMutationFailures[cause]));
+        if (found != one.failed().end()) m.failed[cause] = found->second;
+      }
+      c.by_mutation.push_back(std::move(m));
+    }
   }
   return out;
 }

@@ -57,6 +57,18 @@ Json chains(const v1::ChainStatus& c) {
                               {"large_accepted", g.large_accepted()},
                               {"longest_stay", g.longest_stay()},
                               {"stay_pixel", {finite(g.stay_x()), finite(g.stay_y())}}});
+  // Of all groups together; absent if the integrator does not mutate paths.
+  for (const v1::ChainGroupStatus& g : c.groups())
+    for (const v1::MutationStatus& m : g.by_mutation()) {
+      Json& sum = json["by_mutation"][m.name()];
+      const auto add = [](Json& to, std::uint64_t count) {
+        to = (to.is_null() ? std::uint64_t{0} : to.get<std::uint64_t>()) + count;
+      };
+      add(sum["proposed"], m.proposed());
+      add(sum["accepted"], m.accepted());
+      for (const auto& [cause, count] : m.failed()) add(sum["failed"][cause], count);
+      add(sum["rays"], m.rays());
+    }
   return json;
 }
 

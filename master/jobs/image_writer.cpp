@@ -65,6 +65,7 @@ void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot, Which
     all.accepted += group.accepted;
     all.large_steps += group.large_steps;
     all.large_accepted += group.large_accepted;
+    chains::add(all.by_mutation, group.by_mutation);
   }
   const auto share = [](std::uint64_t part, std::uint64_t whole) {
     return whole == 0 ? std::string("0")
@@ -79,6 +80,13 @@ void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot, Which
   m["candela:large_steps"] = share(all.large_steps, all.mutations);
   m["candela:large_acceptance"] = share(all.large_accepted, all.large_steps);
   m["candela:longest_stay"] = std::to_string(longest_stay);
+  for (const chains::MutationCounts& one : all.by_mutation) {
+    std::string text = fmt::format("proposed {}, accepted {}", one.proposed, one.accepted);
+    for (std::size_t cause = 0; cause < one.failed.size(); ++cause)
+      if (one.failed[cause] > 0)
+        text += fmt::format(", {} {}", chains::kMutationFailures[cause], one.failed[cause]);
+    m["candela:mutation." + one.name] = text + fmt::format(", rays {}", one.rays);
+  }
   m["candela:b"] = fmt::format("{}", summary.normalisation.b);
   m["candela:b_standard_error"] = fmt::format("{:.6g}", summary.normalisation.standard_error);
   m["candela:b_samples"] = std::to_string(summary.normalisation.samples);

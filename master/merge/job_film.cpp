@@ -45,6 +45,14 @@ Result<void> follows(const chains::ChainRecord& before, const chains::ChainRecor
       b.large_accepted < a.large_accepted || b.longest_stay < a.longest_stay || b.large_sum < a.large_sum ||
       b.large_square_sum < a.large_square_sum)
     return bad("a count has fallen");
+  if (!a.by_mutation.empty() && a.by_mutation.size() != b.by_mutation.size())
+    return bad("it has other mutations");
+  for (std::size_t i = 0; i < a.by_mutation.size(); ++i) {
+    const chains::MutationCounts &x = a.by_mutation[i], &y = b.by_mutation[i];
+    if (x.name != y.name) return bad("it has other mutations");
+    if (y.proposed < x.proposed || y.accepted < x.accepted || y.rays < x.rays)
+      return bad("a count of mutation " + y.name + " has fallen");
+  }
   return {};
 }
 

@@ -125,6 +125,19 @@ TEST(Progress, OfChains) {
   EXPECT_EQ(json.at("chains").at("bootstrap_done"), 2500);
   EXPECT_EQ(json.at("chains").at("groups").at(0).at("longest_stay"), 4);
   EXPECT_EQ(json.at("chains").at("groups").at(0).at("stay_pixel").at(0), 7.5);
+  EXPECT_FALSE(json.at("chains").contains("by_mutation"));
+  // Of a renderer that tells them: sums of all groups.
+  for (v1::ChainGroupStatus* one : {&group, chains.add_groups()}) {
+    v1::MutationStatus& lens = *one->add_by_mutation();
+    lens.set_name("lens");
+    lens.set_proposed(6);
+    lens.set_accepted(2);
+    (*lens.mutable_failed())["no_path"] = 1;
+    lens.set_rays(30);
+  }
+  const auto lens = nlohmann::json::parse(wire::job_json(s)).at("chains").at("by_mutation").at("lens");
+  EXPECT_EQ(lens,
+            nlohmann::json({{"proposed", 12}, {"accepted", 4}, {"failed", {{"no_path", 2}}}, {"rays", 60}}));
 }
 
 // Claim: scripts get the epoch of a job and the figures of its state; other jobs have none.

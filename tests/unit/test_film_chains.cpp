@@ -20,6 +20,9 @@ ChainRecord sample_record(std::uint64_t seed) {
   ChainRecord r;
   r.segments = 7 + seed;
   r.counts = {1000 + seed, 400, 300, 100, 12.5, 30.25, 17, 3, 4.5F, 6.25F};
+  if (seed % 2 == 1)
+    r.counts.by_mutation = {{"bidirectional", 400, 200, {10, 0, 0, 20, 3, 0}, 5000},
+                            {"half_vector", 300, 100, {0, 7, 6, 5, 0, 1}, 9000}};
   r.state.assign(seed * 37 % 200, static_cast<char>('a' + seed % 20));
   return r;
 }
@@ -62,6 +65,10 @@ TEST(ChainRecords, DamageIsRefused) {
   EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.large_sum = -1; }).ok());
   EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.large_square_sum = std::nan(""); }).ok());
   EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.stay_x = INFINITY; }).ok());
+  EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.by_mutation[1].name.clear(); }).ok());
+  EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.by_mutation[0].proposed = 900; }).ok());
+  EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.by_mutation[0].accepted = 390; }).ok());
+  EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.by_mutation[1].failed[2] = 200; }).ok());
   const auto long_state = spoiled([](ChainRecord& r) { r.state.assign(kMaxStateBytes + 1, 'x'); });
   ASSERT_FALSE(long_state.ok());
   EXPECT_EQ(long_state.error().field, "chain_records");

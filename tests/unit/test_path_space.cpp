@@ -337,7 +337,7 @@ TEST(PathSpace, SharedVerticesAreCopiedToTheBit) {
   }
 }
 
-// Each proposal is counted once.
+// Counts are of the calls since they were last taken.
 TEST(PathSpace, CountsAddUp) {
   const auto scene = path::scene_of(path::cases()[0]);
   Driven driven(context_of(*scene));
@@ -345,9 +345,11 @@ TEST(PathSpace, CountsAddUp) {
   do driven.space.start(rng::key(46, 460, key++), driven.proposal);
   while (!(driven.proposal.scalar() > 0));
   driven.scalar = driven.proposal.scalar();
+  driven.space.take_counts();
   for (std::uint64_t i = 0; i < 200; ++i) driven.step(i);
-  const auto& counts = driven.space.counts();
+  const auto counts = driven.space.take_counts();
   ASSERT_EQ(counts.size(), 1u);
+  EXPECT_EQ(counts[0].name, "bidirectional");
   std::uint64_t failed = 0;
   for (const std::uint64_t one : counts[0].failed) failed += one;
   EXPECT_GT(counts[0].proposed, 50u);
@@ -355,6 +357,7 @@ TEST(PathSpace, CountsAddUp) {
   EXPECT_GT(failed, 0u);
   EXPECT_LE(counts[0].accepted + failed, counts[0].proposed);
   EXPECT_GT(counts[0].rays, counts[0].proposed / 2);
+  EXPECT_EQ(driven.space.take_counts()[0].proposed, 0u);
 }
 
 // A path's seed is its sample and the technique that made it, and it is found again by it.

@@ -155,8 +155,10 @@ Result<void> run_segment(StateSpace& space, const ChainRules& rules, std::uint64
     return input_error("the chain cannot start there: it is not a state of this job")
         .with_field("chain_starts");
   Splats splats(rules, outlets);
+  space.take_counts();  // of another chain
   if (!run_mutations(walker, rules.segment_mutations, rules, outlets, splats)) return {};
   record.counts = walker.counts;
+  chains::add(record.counts.by_mutation, space.take_counts());
   ++record.segments;
   record.state = space.save();
   return {};

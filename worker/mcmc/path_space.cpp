@@ -16,6 +16,8 @@ namespace {
 enum Purpose : std::uint64_t { technique, vertices, mutation_choice, mutation_draws };
 constexpr std::uint64_t kPathSpace = 0x70617468;  // "path"
 
+static_assert(kMutationFailures == chains::kMutationFailures.size() + 1, "a cause has no name");
+
 MutatorContext counting(MutatorContext context, std::uint64_t& rays) {
   context.rays = &rays;
   return context;
@@ -36,7 +38,13 @@ PathSpace::PathSpace(const MutatorContext& context, std::span<const MutatorShare
     shares_.push_back(share.share);
     mutators_.push_back(share.entry->make(context_));
   }
-  counts_.resize(shares.size());
+  for (const MutatorShare& share : shares) counts_.push_back({std::string(share.entry->name), 0, 0, {}, 0});
+}
+
+std::vector<chains::MutationCounts> PathSpace::take_counts() {
+  std::vector<chains::MutationCounts> out = counts_;
+  for (chains::MutationCounts& counts : counts_) counts = {counts.name, 0, 0, {}, 0};
+  return out;
 }
 
 PathSpace::Technique PathSpace::choose(rng::Stream& stream) const {
@@ -123,13 +131,13 @@ double PathSpace::propose_mutation(std::uint64_t key) {
     u -= from.suitabilities[i];
     if (u < 0) break;
   }
-  MutatorCounts& counts = counts_[mutator_];
+  chains::MutationCounts& counts = counts_[mutator_];
   ++counts.proposed;
   const std::uint64_t rays_before = rays_;
   MutationFailure why = MutationFailure::none;
   const double ratio = quotient(from, *mutators_[mutator_], draws, why);
   counts.rays += rays_ - rays_before;
-  if (why != MutationFailure::none) ++counts.failed[static_cast<std::size_t>(why)];
+  if (why != MutationFailure::none) ++counts.failed[static_cast<std::size_t>(why) - 1];
   return ratio;
 }
 

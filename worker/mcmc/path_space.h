@@ -29,13 +29,6 @@ struct MutatorShare {
   double share = 0;  // > 0
 };
 
-// Counts of one mutation, in a space's life.
-struct MutatorCounts {
-  std::uint64_t proposed = 0, accepted = 0;
-  std::array<std::uint64_t, kMutationFailures> failed{};
-  std::uint64_t rays = 0;  // that proposals and their evaluation took
-};
-
 class PathSpace final : public StateSpace {
  public:
   PathSpace(const MutatorContext& context, std::span<const MutatorShare> shares);
@@ -55,8 +48,9 @@ class PathSpace final : public StateSpace {
   const PathState* present() const { return present_ ? &present_->path : nullptr; }
   // log p. Nothing: it is 0, or cannot be held.
   std::optional<double> log_pdf_area(const PathState& path) const;
+  std::vector<chains::MutationCounts> take_counts() override;
   // By mutation, in the order of the shares.
-  const std::vector<MutatorCounts>& counts() const { return counts_; }
+  const std::vector<chains::MutationCounts>& counts() const { return counts_; }
 
  private:
   struct State {
@@ -86,7 +80,7 @@ class PathSpace final : public StateSpace {
   std::vector<std::unique_ptr<PathMutator>> mutators_;
   std::optional<State> present_, proposal_;
   std::size_t mutator_ = 0;  // of the proposal; their number: a large step
-  std::vector<MutatorCounts> counts_;
+  std::vector<chains::MutationCounts> counts_;
 };
 
 }  // namespace candela::mcmc

@@ -6,8 +6,10 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/result.h"
+#include "common/chains/chains.h"
 #include "worker/mcmc/splat_list.h"
 
 namespace candela::mcmc {
@@ -34,6 +36,10 @@ class StateSpace {
   // the bit what it was. restore() fails (input) on bytes that save() cannot have made.
   virtual std::string save() const = 0;
   virtual Result<void> restore(std::string_view bytes, SplatList& out) = 0;
+
+  // Counts by mutation since the space was made, or since take_counts() was last called: of the calls of
+  // propose() alone, so that they are the same however a chain is cut into segments.
+  virtual std::vector<chains::MutationCounts> take_counts() { return {}; }
 };
 
 }  // namespace candela::mcmc

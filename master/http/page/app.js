@@ -205,8 +205,8 @@ async function jobPage(id) {
   const shares = h('div', {}), events = h('div', {}), plan = h('pre', {tabindex: 0, 'aria-label': 'Plan'}), settings = h('dl', {class: 'settings'});
   const chains = section('Markov chains'), epochs = section('Epochs');
   chains.hidden = epochs.hidden = true;
-  const chainFacts = h('p', {}), groups = h('div', {class: 'groups'}), epochFacts = h('p', {}), epochTable = h('dl', {class: 'settings'});
-  chains.append(chainFacts, groups);
+  const chainFacts = h('p', {}), mutationFacts = h('dl', {class: 'settings'}), groups = h('div', {class: 'groups'}), epochFacts = h('p', {}), epochTable = h('dl', {class: 'settings'});
+  chains.append(chainFacts, groups, mutationFacts);
   epochs.append(epochFacts, epochTable);
   const viewer = new Viewer(id), region = new Region(viewer, () => job);
   const mix = viewer.mix = new Mix(id, () => {
@@ -267,6 +267,11 @@ async function jobPage(id) {
       const c = j.chains;
       prose(chainFacts, `${count(c.chains)} chains; bootstrap ${count(c.bootstrap_done)} of ${count(c.bootstrap_samples)} samples; ` + (c.b === null ? 'b is not known yet' : `b = ${small(c.b)} ± ${small(c.b_standard_error)}`));
       groups.replaceChildren(...c.groups.map((g, i) => h('span', {}, h('b', {}, String(i)), ' ', g.mutations ? Math.round((100 * g.accepted) / g.mutations) + ' %' : '–', h('small', {}, 'stay ' + count(g.longest_stay)))));
+      mutationFacts.replaceChildren(...Object.entries(c.by_mutation ?? {}).filter(([, m]) => m.proposed).map(([name, m]) => {
+        const share = (n) => Math.round((100 * n) / m.proposed) + ' %';
+        const failed = Object.entries(m.failed).filter(([, n]) => n).map(([cause, n]) => `${cause.replaceAll('_', ' ')} ${share(n)}`);
+        return h('div', {}, h('dt', {}, name), h('dd', {}, `${share(m.accepted)} accepted${failed.length ? '; failed: ' + failed.join(', ') : ''}; ${(m.rays / m.proposed).toFixed(1)} rays each`));
+      }));
     }
     epochs.hidden = !j.epochs;
     if (j.epochs) {
