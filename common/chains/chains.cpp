@@ -13,7 +13,8 @@
 namespace candela::chains {
 namespace {
 
-constexpr std::uint32_t kMagic = 0x31484343;  // "CCH1"
+constexpr std::uint32_t kMagic = 0x31484343;               // "CCH1"
+constexpr std::uint32_t kMagicWithMutations = 0x32484343;  // "CCH2": counts by mutation behind the state
 
 // Mean of values with sum and sum of squares, and the standard error of that mean.
 Normalisation from_sums(double sum, double square_sum, std::uint64_t samples) {
@@ -67,7 +68,7 @@ Result<void> validate(const ChainPlan& plan) {
 std::string encode(const ChainRecord& record) {
   const ChainCounts& c = record.counts;
   std::string out;
-  film::put_u32(out, kMagic);
+  film::put_u32(out, c.by_mutation.empty() ? kMagic : kMagicWithMutations);
   for (const std::uint64_t value : {record.segments, c.mutations, c.accepted, c.large_steps, c.large_accepted,
                                     c.longest_stay, c.present_stay})
     film::put_u64(out, value);
@@ -148,7 +149,8 @@ Result<ChainRecord> decode(std::string_view bytes) {
     return input_error(fmt::format("a chain's record cannot be used: {}", what)).with_field("chain_records");
   };
   film::Reader reader(bytes);
-  if (reader.u32() != kMagic) return bad("it does not start as one");
+  const std::uint32_t magic = reader.u32();
+  if (magic != kMagic && magic != kMagicWithMutations) return bad("it does not start as one");
   ChainRecord record;
   ChainCounts& c = record.counts;
   for (std::uint64_t* value : {&record.segments, &c.mutations, &c.accepted, &c.large_steps, &c.large_accepted,
@@ -169,7 +171,8 @@ Result<ChainRecord> decode(std::string_view bytes) {
       !std::isfinite(c.stay_y))
     return bad("a number of it is negative or not finite");
   record.state = std::string(reader.bytes(length));
-  if (reader.rest().empty()) return record;
+  if (magic == kMagic && !reader.rest().empty()) return bad("its length is wrong");
+  if (magic == kMagic) return record;
   c.by_mutation = read_mutations(reader);
   if (c.by_mutation.empty()) return bad("its counts by mutation cannot be read");
   if (!can_be(c)) return bad("its counts by mutation contradict the others");
