@@ -56,7 +56,7 @@ constexpr std::string_view kOfScene = "strict_normals";
 
 // The setting that a flag of mutations stands for; empty: it is none.
 std::string_view setting_of_flag(std::string_view integrator, std::string_view name) {
-  if (integrator != "mlt") return {};
+  if (integrator != "mlt" && integrator != "erpt") return {};
   for (const description::MutationFlag& flag : description::kMutationFlags)
     if (flag.name == name) return flag.setting;
   return {};

@@ -258,22 +258,20 @@ void add_integrators(std::vector<PluginRule>& table) {
   table.push_back(
       integrator_rule(words::kPssmlt, std::move(over), "Metropolis light transport in primary sample space"));
   table.push_back(integrator_rule(words::kMmlt, chains, "multiplexed Metropolis light transport"));
-  std::vector<PropertyRule> mutations = chains;
+  std::vector<PropertyRule> flags;
   for (const MutationFlag& one : kMutationFlags)
-    mutations.push_back(flag(one.name, "0.6: the mutation has a share of 1 if true, and none if false"));
+    flags.push_back(flag(one.name, "0.6: the mutation has a share of 1 if true, and none if false"));
+  std::vector<PropertyRule> mutations = chains;
+  mutations.insert(mutations.end(), flags.begin(), flags.end());
   mutations.push_back(ignored("lambda", {number}, "0.6: the steps of mutations follow the scene"));
   table.push_back(
       integrator_rule(words::kMlt, std::move(mutations), "Metropolis light transport in path space"));
-  const std::string_view by_share = "0.6: mutations have settings by their names: --set";
   const std::string_view by_pilot = "0.6: the pilot chooses chains and their length: --set";
   std::vector<PropertyRule> redistribution = {
       ignored("num_chains", {number, integer}, by_pilot), ignored("max_chains", {number, integer}, by_pilot),
       ignored("chain_length", {integer}, by_pilot), ignored("direct_samples", {integer}, their_own),
       ignored("lambda", {number}, "0.6: the steps of mutations follow the scene")};
-  for (const std::string_view name :
-       {"lens_perturbation", "multi_chain_perturbation", "caustic_perturbation", "manifold_perturbation"})
-    redistribution.push_back(ignored(name, {boolean}, by_share));
-  redistribution.push_back(ignored("bidirectional_mutation", {boolean}, by_share));
+  redistribution.insert(redistribution.end(), flags.begin(), flags.end());
   table.push_back(integrator_rule(words::kErpt, std::move(redistribution),
                                   "energy redistribution path tracing: short chains from independent paths"));
 }

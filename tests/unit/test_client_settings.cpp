@@ -318,11 +318,11 @@ TEST(Settings, SharedSettingsCarryOver) {
   EXPECT_EQ(job->settings.integrator_settings.at("max_depth"), "13");
 }
 
-// Claim: flags of Mitsuba 0.6's mutations become shares of mlt, unless the command line has a preset; they
-// count for no other integrator.
+// Claim: flags of Mitsuba 0.6's mutations become shares of mlt and erpt, unless the command line has a
+// preset; they count for no other integrator.
 TEST(Settings, FlagsOfMutationsAreShares) {
   RendererFacts facts = facts_of_chains();
-  facts.integrator_names = [] { return std::vector<std::string>{"path", "mlt"}; };
+  facts.integrator_names = [] { return std::vector<std::string>{"path", "mlt", "erpt"}; };
   TestScene scene;
   scene.integrator->plugin = "mlt";
   scene.integrator->properties.clear();
@@ -339,6 +339,10 @@ TEST(Settings, FlagsOfMutationsAreShares) {
   EXPECT_EQ(settings({}).at("manifold"), "1");
   EXPECT_EQ(settings({}).at("lens"), "0");
   EXPECT_FALSE(settings({}).contains("manifold_perturbation"));
+  scene.integrator->plugin = "erpt";
+  EXPECT_EQ(settings({}).at("manifold"), "1");
+  EXPECT_EQ(settings({}).at("lens"), "0");
+  scene.integrator->plugin = "mlt";
   SceneOptions options;
   options.sets = {"preset=hslt"};
   EXPECT_FALSE(settings(options).contains("manifold"));
