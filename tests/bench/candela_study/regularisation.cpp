@@ -54,7 +54,7 @@ const std::vector<HiddenMethod>& hidden_methods() {
       {"mmlt, regularise", "mmlt", on},
       {"ppm", "ppm", {}},
       {"vcm", "vcm", {}},
-      {"mcppm", "mcppm", {{"plan", "full"}}},
+      {"mcppm", "mcppm", {}},
   };
   return all;
 }
