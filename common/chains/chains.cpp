@@ -105,7 +105,11 @@ std::vector<MutationCounts> read_mutations(film::Reader& reader) {
     m.accepted = reader.u64();
     for (std::uint64_t& count : m.failed) count = reader.u64();
     m.rays = reader.u64();
-    if (m.name.empty() || m.name.size() > kMaxMutationName) return {};
+    // Names go on to messages and pages as they are.
+    const auto plain = [](char c) { return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_'; };
+    if (m.name.empty() || m.name.size() > kMaxMutationName ||
+        !std::all_of(m.name.begin(), m.name.end(), plain))
+      return {};
   }
   if (!reader.ok() || !reader.rest().empty()) return {};
   return out;

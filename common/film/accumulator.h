@@ -170,8 +170,10 @@ class MergedAccumulator {
   void take_back(const BroughtSums& brought, SparseSums::TileBuffers& buffers) {
     keyed() ? keys_.subtract(brought.keys) : sums_.subtract(brought.sums, buffers);
   }
-  // More pairs of pixel and key than max_pairs().
-  bool overfull() const { return keyed() && keys_.pairs() > max_pairs(spec_, layout_.width, layout_.height); }
+  // With the brought sums there were more pairs of pixel and key than max_pairs().
+  bool overfull_with(const BroughtSums& brought) const {
+    return keyed() && keys_.pairs_with(brought.keys) > max_pairs(spec_, layout_.width, layout_.height);
+  }
   // Fails (refused), and nothing changes, if size or spec differ.
   Result<void> merge(const MergedAccumulator& other);
 

@@ -81,9 +81,42 @@ void subtract_tile(KeyedSums::Tile& to, const KeyedSums::Tile& from) {
     else
       to.sums.narrow[t] -= from.sums.narrow[f];
   });
+  std::size_t kept = 0;
+  for (std::size_t t = 0; t < to.places.size(); ++t) {
+    if (value_at(to.sums, t) == 0) continue;
+    to.places[kept] = to.places[t];
+    if (wide)
+      to.sums.wide[kept] = to.sums.wide[t];
+    else
+      to.sums.narrow[kept] = to.sums.narrow[t];
+    ++kept;
+  }
+  to.places.erase(to.places.begin() + static_cast<std::ptrdiff_t>(kept), to.places.end());
+  if (wide)
+    to.sums.wide.erase(to.sums.wide.begin() + static_cast<std::ptrdiff_t>(kept), to.sums.wide.end());
+  else
+    to.sums.narrow.erase(to.sums.narrow.begin() + static_cast<std::ptrdiff_t>(kept), to.sums.narrow.end());
+}
+
+std::uint64_t union_size(const std::vector<std::uint64_t>& a, const std::vector<std::uint64_t>& b) {
+  std::uint64_t count = 0;
+  for (std::size_t i = 0, j = 0; i < a.size() || j < b.size(); ++count) {
+    const bool from_a = j == b.size() || (i < a.size() && a[i] <= b[j]);
+    const bool from_b = i == a.size() || (j < b.size() && b[j] <= a[i]);
+    i += from_a ? 1 : 0;
+    j += from_b ? 1 : 0;
+  }
+  return count;
 }
 
 }  // namespace
+
+std::uint64_t KeyedSums::pairs_with(const KeyedSums& other) const {
+  std::uint64_t count = 0;
+  for (std::size_t tile = 0; tile < tiles_.size(); ++tile)
+    count += union_size(tiles_[tile].places, other.tiles_[tile].places);
+  return count;
+}
 
 void KeyedSums::reserve(const KeyedSums& other) {
   for (std::size_t tile = 0; tile < tiles_.size(); ++tile) reserve_tile(tiles_[tile], other.tiles_[tile]);
@@ -198,6 +231,8 @@ Result<KeyedSums> KeyedSums::read(Reader& reader, const Layout& layout, std::uin
     for (std::size_t t = first; t < last; ++t) {
       const std::size_t size = counts[t - first];
       if (size == 0) return bad("lists a tile that has no sums");
+      // Before memory is taken: a count costs the sender nothing.
+      if (size > tile_rect(layout, tiles[t]).pixels() * keys) return bad("has too many pairs in a tile");
       for (std::vector<std::uint64_t>* const list : {&steps, &key_codes, &low, &high}) list->resize(size);
       expand_low(step_planes, offset, steps);
       expand_low(key_planes, offset, key_codes);

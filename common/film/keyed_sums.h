@@ -37,7 +37,9 @@ class KeyedSums {
   void add(const KeyedSums& other);
   // Makes a pair, with the sum 0, for each of the other's. After it add() allocates only to widen a tile.
   void reserve(const KeyedSums& other);
-  // Takes back what add() added. Allocates nothing.
+  // The pairs that reserve() would leave.
+  std::uint64_t pairs_with(const KeyedSums& other) const;
+  // Takes back what add() added, and drops pairs of the other's tiles whose sum is 0. Allocates nothing.
   void subtract(const KeyedSums& other);
 
   // Precondition: places ascend, and the tile has none yet.

@@ -35,8 +35,6 @@ constexpr std::array<KindRow, 16> kKinds = {{{AovKind::albedo, "albedo", "RGB"},
                                              {AovKind::crypto_material, "crypto_material", "RGB"}}};
 static_assert(kKinds.size() == static_cast<std::size_t>(kLastAovKind) + 1);
 
-constexpr std::string_view kPrefix = "aov.";
-
 const KindRow& row_of(AovKind kind) {
   return kKinds[static_cast<std::size_t>(kind)];
 }
@@ -97,7 +95,7 @@ std::vector<std::string> layer_names(const Aov& aov) {
 }
 
 std::string accumulator_name(const Aov& aov) {
-  return std::string(kPrefix) + aov.name;
+  return std::string(kAovPrefix) + aov.name;
 }
 
 Result<std::vector<Aov>> parse_aovs(std::string_view text) {

@@ -71,5 +71,6 @@ std::string accumulator_name(const Aov& aov);
 // samples of each pixel; the master divides sums of AOVs by them. The sums of other jobs are divided by the
 // number of iterations.
 inline constexpr std::string_view kAovSamples = "aov-samples";
+inline constexpr std::string_view kAovPrefix = "aov.";  // of accumulator_name()
 
 }  // namespace candela

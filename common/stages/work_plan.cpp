@@ -6,6 +6,8 @@
 
 #include "common/chains/chains.h"
 #include "common/film/layers.h"
+#include "common/job/aov.h"
+#include "common/stages/light_visibility.h"
 
 namespace candela {
 namespace {
@@ -54,6 +56,16 @@ Result<void> validate(const WorkPlan& plan, std::uint32_t width, std::uint32_t h
     return plan_error("layers", layout.error().message);
   if (auto valid = film::validate(plan.accumulators, width, height); !valid.ok())
     return plan_error("accumulators", valid.error().message);
+  // Who reads an accumulator asks for it by its name, and knows its domain.
+  for (const film::AccumulatorSpec& spec : plan.accumulators) {
+    using Domain = film::AccumulatorSpec::Domain;
+    const bool known = spec.name == light_visibility::kCounts ? spec.domain != Domain::keys
+                       : spec.name.starts_with(kAovPrefix)    ? spec.domain != Domain::table
+                                                              : spec.domain == Domain::film;
+    if (!known)
+      return plan_error("accumulators",
+                        fmt::format("'{}' is kept in another domain than its readers know", spec.name));
+  }
   if (plan.chains) {
     if (auto valid = chains::validate(*plan.chains); !valid.ok())
       return plan_error(fmt::format("chains.{}", valid.error().field), valid.error().message);

@@ -319,14 +319,15 @@ Result<void> JobFilm::add_sums(const film::Delta& delta, film::MergedFilm& film,
   for (std::uint32_t i = 0; i < specs_.size(); ++i) {
     const bool per_job = specs_[i].per == film::AccumulatorSpec::Per::job;
     to.push_back(&editable(accumulators, {i, per_job ? delta.info().unit.half : sums[i].epoch}));
-    to.back()->reserve(sums[i]);
-    if (to.back()->overfull())
+    // Before there is room for them: a refused delta leaves nothing.
+    if (to.back()->overfull_with(sums[i]))
       return usage_error(fmt::format("the accumulator '{}' has more than {} pairs of pixel and name, for "
                                      "which there is no memory",
                                      specs_[i].name,
                                      film::max_pairs(specs_[i], layout_.width, layout_.height)))
           .with_field("accumulators")
           .with_mend("leave this AOV out, or give small objects one id together");
+    to.back()->reserve(sums[i]);
     channels = std::max(channels, sums[i].sums.channels());
   }
   film::SparseSums::TileBuffers buffers(channels);  // to take sums back nothing is allocated

@@ -66,6 +66,8 @@ TEST(ChainRecords, DamageIsRefused) {
   EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.large_square_sum = std::nan(""); }).ok());
   EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.stay_x = INFINITY; }).ok());
   EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.by_mutation[1].name.clear(); }).ok());
+  for (const char* name : {"\xff", "a b", "A", "a\"b"})
+    EXPECT_FALSE(spoiled([&](ChainRecord& r) { r.counts.by_mutation[1].name = name; }).ok()) << name;
   EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.by_mutation[0].proposed = 900; }).ok());
   EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.by_mutation[0].accepted = 390; }).ok());
   EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.by_mutation[1].failed[2] = 200; }).ok());

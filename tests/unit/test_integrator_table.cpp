@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "common/description/mutation_flags.h"
 #include "common/description/vocabulary.h"
 #include "common/job/integrator_words.h"
 #include "tests/integrators.h"
@@ -93,6 +94,13 @@ TEST(IntegratorTable, SettingsTakeWhatSceneFilesMaySay) {
       if (rule.ignored || !rule.only.empty()) continue;
       SCOPED_TRACE(fmt::format("{}.{}", row.name, rule.name));
       ASSERT_EQ(rule.types.size(), 1U);
+      const auto mutation =
+          std::find_if(description::kMutationFlags.begin(), description::kMutationFlags.end(),
+                       [&](const auto& flag) { return flag.name == rule.name; });
+      if (mutation != description::kMutationFlags.end()) {  // read by the client as a share
+        EXPECT_TRUE(takes(mutation->setting, "0") && takes(mutation->setting, "1"));
+        continue;
+      }
       if (rule.name == "strict_normals") {
         EXPECT_FALSE(takes(rule.name, "true"));
         continue;

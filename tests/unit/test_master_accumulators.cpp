@@ -120,10 +120,15 @@ TEST(JobAccumulators, TooManyKeysAreRefused) {
   EXPECT_EQ(refused.error().field, "accumulators");
   EXPECT_TRUE(film.accumulator("mattes", 0)->serialise() == before);
   EXPECT_FALSE(film.account().merged[0].intersects(1, 2));
+  // A refused delta takes no room from those that come after it.
+  const auto third = delta_of(2, 0, 9);
+  ASSERT_TRUE(third.ok());
+  EXPECT_TRUE(film.merge(*third).ok());
+  const std::string after = film.accumulator("mattes", 0)->serialise();
   ASSERT_TRUE(film.checkpoint().ok());
   JobFilm again(folder.path(), kFilm, 10, &write_file_atomically, CheckpointShape{0, {spec}});
   ASSERT_TRUE(again.ensure_loaded().ok());
-  EXPECT_TRUE(again.accumulator("mattes", 0)->serialise() == before);
+  EXPECT_TRUE(again.accumulator("mattes", 0)->serialise() == after);
 }
 
 // Claim: one checkpoint holds film, accumulators and states; what is read is what was written, to the byte;

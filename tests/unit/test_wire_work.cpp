@@ -11,16 +11,17 @@ using film::AccumulatorSpec;
 WorkPlan whole_plan() {
   WorkPlan plan;
   plan.layers = {"s2.t3", "independent"};
-  plan.accumulators = {{"radius.sectors", 13, 12, AccumulatorSpec::Per::epoch},
-                       {"matrix", 64, -8, AccumulatorSpec::Per::job},
-                       {"lights", 2, 0, AccumulatorSpec::Per::epoch, AccumulatorSpec::Domain::table, 3000},
-                       {"mattes",
-                        1,
-                        36,
-                        AccumulatorSpec::Per::job,
-                        AccumulatorSpec::Domain::keys,
-                        0,
-                        {"cube", std::string("a\0\xff", 3)}}};
+  plan.accumulators = {
+      {"radius.sectors", 13, 12, AccumulatorSpec::Per::epoch},
+      {"matrix", 64, -8, AccumulatorSpec::Per::job},
+      {"light.visibility", 2, 0, AccumulatorSpec::Per::epoch, AccumulatorSpec::Domain::table, 3000},
+      {"aov.mattes",
+       1,
+       36,
+       AccumulatorSpec::Per::job,
+       AccumulatorSpec::Domain::keys,
+       0,
+       {"cube", std::string("a\0\xff", 3)}}};
   plan.epochs = EpochPlan{8, 16, 1, "sectors", {{"alpha", "0.01"}, {"k", "0.7"}}};
   plan.development = DevelopmentPlan{"optimal_mis", {{"estimator", "crossfit"}}};
   return plan;
@@ -85,6 +86,11 @@ TEST(WorkPlan, PartsAreChecked) {
   EXPECT_EQ(field([](WorkPlan& p) { p.accumulators[3].per = AccumulatorSpec::Per::epoch; }),
             "work.accumulators");
   EXPECT_EQ(field([](WorkPlan& p) { p.accumulators[2].entries = 0; }), "work.accumulators");
+  for (const std::size_t other : {2U, 3U})
+    EXPECT_EQ(field(other == 2 ? [](WorkPlan& p) { p.accumulators[2].name = "statistics"; }
+                               : [](WorkPlan& p) { p.accumulators[3].name = "statistics"; }),
+              "work.accumulators")
+        << "a domain that its readers do not know";
   EXPECT_EQ(field([](WorkPlan&) {}, 16384), "work.accumulators") << "too large together";
   EXPECT_EQ(field([](WorkPlan& p) { p.epochs.reset(); }), "work.accumulators") << "of epochs that are not";
   EXPECT_EQ(field([](WorkPlan& p) { p.epochs->first = 0; }), "work.epochs.first");

@@ -90,34 +90,6 @@ Error embree_error(const FirstError& first, const char* doing) {
   return first.code == RTC_ERROR_OUT_OF_MEMORY ? resource_error(message) : failed_error(message);
 }
 
-// Embree takes an unknown or unsupported `isa` without a word and uses another, so that both are checked
-// here.
-Result<void> check_isa(const std::string& isa) {
-  bool here = false;
-  if (isa == "sse2") {
-    here = true;
-  } else if (isa == "sse4.2") {
-    here = __builtin_cpu_supports("sse4.2");
-  } else if (isa == "avx") {
-    here = __builtin_cpu_supports("avx");
-  } else if (isa == "avx2") {
-    here = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2");
-  } else if (isa == "avx512") {
-    here = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-           __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512bw") &&
-           __builtin_cpu_supports("avx512vl");
-  } else {
-    return usage_error("unknown instruction set '" + isa + "' (sse2, sse4.2, avx, avx2, avx512)")
-        .with_field("isa");
-  }
-  if (!here) {
-    return usage_error("this machine has no " + isa + ", which the job asks for")
-        .with_field("isa")
-        .with_mend("submit with an instruction set that all workers have");
-  }
-  return {};
-}
-
 // True if Embree says that it uses the ISA that was asked for.
 bool device_has_isa(RTCDevice device, const std::string& isa) {
   const bool width8 = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED) != 0;
@@ -357,6 +329,34 @@ struct Accel::Impl {
   EmbreeScene scene;
   std::unique_ptr<Ties> ties;
 };
+
+// Embree takes an unknown or unsupported `isa` without a word and uses another, so that both are checked
+// here.
+Result<void> check_isa(const std::string& isa) {
+  bool here = false;
+  if (isa == "sse2") {
+    here = true;
+  } else if (isa == "sse4.2") {
+    here = __builtin_cpu_supports("sse4.2");
+  } else if (isa == "avx") {
+    here = __builtin_cpu_supports("avx");
+  } else if (isa == "avx2") {
+    here = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2");
+  } else if (isa == "avx512") {
+    here = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+           __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512bw") &&
+           __builtin_cpu_supports("avx512vl");
+  } else {
+    return usage_error("unknown instruction set '" + isa + "' (sse2, sse4.2, avx, avx2, avx512)")
+        .with_field("isa");
+  }
+  if (!here) {
+    return usage_error("this machine has no " + isa + ", which the job asks for")
+        .with_field("isa")
+        .with_mend("submit with an instruction set that all workers have");
+  }
+  return {};
+}
 
 Accel::Accel(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Accel::Accel(Accel&&) noexcept = default;

@@ -11,6 +11,9 @@
 
 namespace candela::scene {
 
+// An error if this machine lacks the instruction set, or nobody knows it.
+Result<void> check_isa(const std::string& isa);
+
 class Accel {
  public:
   // Builds over `geometry`, which must outlive this and not change. isa: "sse2", "sse4.2", "avx", "avx2" or

@@ -145,7 +145,10 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
   builder.finish_features();
   builder.finish_objects();
   if (edited) CANDELA_TRY(builder.finish_edits(*options.edits));
-  if (!options.traced && impl.media.size() == 0) return scene;
+  if (!options.traced && impl.media.size() == 0) {
+    CANDELA_TRY(check_isa(options.isa));
+    return scene;
+  }
   Result<Accel> built = Accel::build(impl.geometry, options.isa, options.build_threads, files.budget());
   if (!built.ok() && built.error().kind == ErrorKind::input)
     return std::move(built).error().at(root.where.file, root.where.line);

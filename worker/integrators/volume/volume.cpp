@@ -1,5 +1,7 @@
 #include "worker/integrators/volume/volume.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -97,12 +99,14 @@ class VolumeIntegrator final : public Integrator {
   VolumeIntegrator(const VolumeSettings& settings, const estimators::PathOptions& options, Planned planned)
       : settings_(settings), options_(options), planned_(std::move(planned)) {}
 
-  Result<Decision> decide(const UnitContext& /*context*/, const RunContext& /*run*/) const override {
+  Result<Decision> decide(const UnitContext& context, const RunContext& /*run*/) const override {
+    CANDELA_TRY(check_film(context));
     return Decision{{}, planned_.plan};
   }
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
+    CANDELA_TRY(check_film(context));
     film::UnitFilm& film = *output.film;
     const PixelRect rect = settings_.pixels();
     const Cells cells = cells_of(context);
@@ -141,6 +145,15 @@ class VolumeIntegrator final : public Integrator {
   }
 
  private:
+  // The film's size is the job's, which anybody may submit.
+  Result<void> check_film(const UnitContext& context) const {
+    const std::uint32_t width = cell_film_width(settings_.grid()),
+                        height = cell_film_height(settings_.grid());
+    if (context.width == width && context.height == height) return {};
+    return usage_error(fmt::format("the grid has {} cells: its film has {} x {} pixels, not {} x {}",
+                                   settings_.grid().count(), width, height, context.width, context.height))
+        .with_field("width");
+  }
   Cells cells_of(const UnitContext& context) const {
     Cells cells{settings_.grid(), cell_film_unit(settings_.grid()), settings_.eye_edges};
     cells.grid.low = cells.grid.low - context.scene.offset();
