@@ -62,13 +62,13 @@ std::string_view setting_of_flag(std::string_view integrator, std::string_view n
   return {};
 }
 
-// True if the scene may have the parameter, and it changes nothing here.
-bool is_without_effect(const Object& integrator, const std::string& name) {
+// Null: the vocabulary has no such parameter.
+const description::PropertyRule* rule_of(const Object& integrator, const std::string& name) {
   const description::PluginRule* plugin = description::find_plugin("integrator", integrator.plugin);
-  if (plugin == nullptr) return false;
+  if (plugin == nullptr) return nullptr;
   const auto rule = std::find_if(plugin->properties.begin(), plugin->properties.end(),
                                  [&](const description::PropertyRule& r) { return r.name == name; });
-  return rule != plugin->properties.end() && (rule->ignored || !rule->only.empty());
+  return rule == plugin->properties.end() ? nullptr : &*rule;
 }
 
 // The film's size and the job's limits are resolved.
@@ -99,7 +99,8 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
 
   CANDELA_ASSIGN(const SettingsMap from_user, parse_assignments(options.sets, "--set"));
   const auto preset = from_user.find("preset");
-  const bool presets = preset != from_user.end() && preset->second != "none";
+  // The presets that leave shares to settings.
+  const bool presets = preset != from_user.end() && preset->second != "none" && preset->second != "erpt";
   SettingsMap from_scene, of_scene;
   if (job.default_integrator && is_old) from_scene["max_depth"] = "2";
   const bool own = written != nullptr && written->plugin == settings.integrator;
@@ -115,7 +116,10 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
         continue;
       }
       const bool can_be_set = std::find(settable.begin(), settable.end(), property.name) != settable.end();
-      if (!can_be_set && property.name != kOfScene && (!own || is_without_effect(*written, property.name)))
+      const description::PropertyRule* rule = rule_of(*written, property.name);
+      // Mitsuba's parameter is not a setting of the same name here, which may have another meaning.
+      if (rule != nullptr && rule->ignored) continue;
+      if (!can_be_set && property.name != kOfScene && (!own || (rule != nullptr && !rule->only.empty())))
         continue;
       const auto text = setting_text(property);
       if (!text)

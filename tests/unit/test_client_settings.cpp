@@ -351,6 +351,25 @@ TEST(Settings, FlagsOfMutationsAreShares) {
   EXPECT_FALSE(settings(options).contains("manifold"));
 }
 
+// Claim: a parameter of Mitsuba that is passed over stays so where a setting has its name, whatever its
+// value.
+TEST(Settings, IgnoredParametersAreNoSettings) {
+  RendererFacts facts = facts_of_chains();
+  facts.integrator_names = [] { return std::vector<std::string>{"erpt"}; };
+  facts.setting_names = [](const std::string&) -> Result<std::vector<std::string>> {
+    return std::vector<std::string>{"max_chains", "chain_length", "direct_samples"};
+  };
+  TestScene scene;
+  scene.integrator->plugin = "erpt";
+  scene.integrator->properties.clear();
+  for (const char* name : {"max_chains", "chain_length", "direct_samples", "num_chains"})
+    add_integer(*scene.integrator, name, -1, 3);
+  const auto job = prepare_job({scene.scene, {"scene.xml"}}, {}, facts);
+  ASSERT_TRUE(job.ok()) << job.error().to_string();
+  for (const char* name : {"max_chains", "chain_length", "direct_samples", "num_chains"})
+    EXPECT_FALSE(job->settings.integrator_settings.contains(name)) << name;
+}
+
 // Claim: a value of another integrator that the chosen one cannot have does not count, and is no error; of
 // its own it is one.
 TEST(Settings, BadValuesOfOtherIntegratorsDoNotCount) {

@@ -23,8 +23,9 @@ struct TurningLobes {
 };
 
 // The delta lobes that turn light: one that passes straight on is none. Mirrors, glass, thin glass and
-// plastic have all their lobes in the list. Of a composite bsdf one lobe is drawn, by u_lobe and u as
-// Closure::sample() does, and divided by its probability: the list is right in the mean.
+// plastic have all their lobes in the list, and so has a composite bsdf, one for each direction. If it has
+// more than the list holds, the brightest is kept and another is drawn by u_lobe and u, divided by its
+// probability: the list is right in the mean.
 TurningLobes turning_lobes(const Closure& closure, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode);
 
 }  // namespace candela::scene

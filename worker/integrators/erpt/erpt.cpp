@@ -201,7 +201,7 @@ Result<std::unique_ptr<Integrator>> make_erpt_integrator(const SettingsMap& sett
                   "use bdpt, upbp, pssmlt or mmlt");
   if (features.reads_letters)
     return refuse("erpt has no layers by light path expressions", "layers",
-                  "use bdpt, pssmlt or mmlt, or leave out the expressions");
+                  "use bdpt, pssmlt, mmlt or mlt, or leave out the expressions");
   if (!features.edits.empty())
     return refuse("erpt does not render edits: " + features.edits.front(), "integrator",
                   "use bdpt, pssmlt or mmlt, or leave out the edits");

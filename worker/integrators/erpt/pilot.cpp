@@ -63,16 +63,23 @@ Energies choose_energies(const SeedStatistics& statistics, const ErptSettings& s
       settings.chains_per_seed > 0 ? 1 / settings.chains_per_seed : statistics.one_plus_variance() / 2;
   const double energy = k * statistics.b0;
   Energies result;
-  if (energy > 0 && std::isfinite(energy)) result.energy = energy;  // of a dark scene any will do
+  // After dark seeds the least energy there is, by which a seed that carries light starts all its chains.
+  const bool dark = !(energy > 0) || !std::isfinite(energy);
+  result.energy =
+      dark ? std::numeric_limits<double>::min() : std::max(energy, std::numeric_limits<double>::min());
   const double length =
       settings.chain_length > 0
           ? settings.chain_length
           : std::clamp(std::floor(settings.mutations_per_seed * k + 0.5), 1.0, kMaxChosenLength);
   result.mutations = static_cast<std::uint64_t>(length);
-  plan.use("energy redistribution",
-           fmt::format("{:.3g} chains a seed on average, of {} mutations each; the relative variance of {} "
-                       "seeds is {:.3g}",
-                       1 / k, result.mutations, statistics.samples, statistics.one_plus_variance() - 1));
+  plan.use(
+      "energy redistribution",
+      dark ? fmt::format("no seed of the pilot carries light: each that does starts {} chains of {} "
+                         "mutations",
+                         settings.max_chains, result.mutations)
+           : fmt::format("{:.3g} chains a seed on average, of {} mutations each; the relative variance of {} "
+                         "seeds is {:.3g}",
+                         1 / k, result.mutations, statistics.samples, statistics.one_plus_variance() - 1));
   if (statistics.lit < kFewestLit)
     plan.note("seeds", fmt::format("only {} of the pilot's {} seeds carry light: the image is noisy; more "
                                    "seeds help, and so do vcm and mmlt",
