@@ -1,4 +1,5 @@
-// Flags of Mitsuba 0.6 that turn mutations of `mlt` and `erpt` on and off, and the settings that they stand for.
+// Flags of Mitsuba 0.6 that turn mutations of `mlt` and `erpt` on and off, and the settings that they stand
+// for.
 #pragma once
 
 #include <array>

@@ -21,7 +21,7 @@ from machine import SCENE, STAY, OnAMachine
 from manifests import PROGRAMS, SOURCE
 
 TEST = "deploy_pages"
-PAGES = ("inspect", "inspect-volume", "edits", "pictures", "notices", "from-blender", "layers", "frames", "reproduce", "README")
+PAGES = ("aovs", "inspect", "inspect-volume", "edits", "pictures", "notices", "from-blender", "layers", "frames", "reproduce", "README")
 # Pages with commands in such blocks that others run.
 ELSEWHERE = {"http": "tests/doors/test_http_page.py", "farm": "tests/deploy/test_commands.py"}
 # Commands of README in blocks without a language, which set up a checkout, and what runs them.
@@ -153,6 +153,11 @@ class Pages(OnAMachine):
         self.run_blocks("inspect-volume", 1)
         self.pictures("light.png", "slices.png")
         self.assertGreater((self.folder / "caustic.vdb").stat().st_size, 1000)
+
+    def test_aovs(self):
+        self.have_scene()
+        self.run_blocks("aovs", 1)
+        self.pictures("out.exr", "objects.png")
 
     def test_edits(self):
         said = self.run_blocks("edits", 8)

@@ -22,8 +22,8 @@
 namespace candela::integrators {
 namespace {
 
-// The values of the decision: the radius, and 1 if chains run; with split=pilot the light paths and mutations of an
-// iteration, too.
+// The values of the decision: the radius, and 1 if chains run; with split=pilot the light paths and mutations
+// of an iteration, too.
 constexpr std::string_view kKind = "mcp1", kSplitKind = "mcs1";
 
 // Least and largest distance of a mutation [Kelemen 2002, Sec. 3.2].
