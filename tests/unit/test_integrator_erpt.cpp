@@ -1,6 +1,8 @@
 // erpt unit by unit: what its pilot decides, what its plan says, and what it refuses.
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "tests/unit/renderer_fixture.h"
 #include "worker/integrators/erpt/pilot.h"
 
@@ -90,7 +92,7 @@ TEST(ErptPilot, ChoosesEnergyAndLength) {
 TEST(ErptPilot, DarkAndEvenSeeds) {
   Plan plan;
   const Energies dark = choose_energies({0, 0, 1000, 0}, {}, plan);
-  EXPECT_EQ(dark.energy, 1);
+  EXPECT_EQ(dark.energy, std::numeric_limits<double>::min()) << "a seed that has light starts all its chains";
   EXPECT_EQ(dark.mutations, 1u);
   EXPECT_NE(plan.to_text().find("note seeds: only 0 of the pilot's 1000 seeds carry light"),
             std::string::npos)

@@ -98,7 +98,11 @@ TEST(IntegratorTable, SettingsTakeWhatSceneFilesMaySay) {
           std::find_if(description::kMutationFlags.begin(), description::kMutationFlags.end(),
                        [&](const auto& flag) { return flag.name == rule.name; });
       if (mutation != description::kMutationFlags.end()) {  // read by the client as a share
-        EXPECT_TRUE(takes(mutation->setting, "0") && takes(mutation->setting, "1"));
+        // One mutation has to stay.
+        const std::string setting(mutation->setting), stays = setting == "lens" ? "bidirectional" : "lens";
+        for (const char* share : {"0", "1"})
+          EXPECT_TRUE(
+              render::complete_integrator_settings(row.name, {{setting, share}, {stays, "1"}}, {}).ok());
         continue;
       }
       if (rule.name == "strict_normals") {
