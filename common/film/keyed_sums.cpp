@@ -113,8 +113,10 @@ std::uint64_t union_size(const std::vector<std::uint64_t>& a, const std::vector<
 
 std::uint64_t KeyedSums::pairs_with(const KeyedSums& other) const {
   std::uint64_t count = 0;
-  for (std::size_t tile = 0; tile < tiles_.size(); ++tile)
-    count += union_size(tiles_[tile].places, other.tiles_[tile].places);
+  for (std::size_t tile = 0; tile < tiles_.size(); ++tile) {
+    const std::vector<std::uint64_t>&mine = tiles_[tile].places, &theirs = other.tiles_[tile].places;
+    count += theirs.empty() ? mine.size() : union_size(mine, theirs);  // a delta may bring few tiles
+  }
   return count;
 }
 

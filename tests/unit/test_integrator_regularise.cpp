@@ -139,6 +139,7 @@ std::vector<TableScene> table_scenes(double bandwidth_over_length) {
     if (std::abs(scene.number("r") / scene.number("dist_mirror_light") - bandwidth_over_length) < 1e-9)
       scenes.push_back(scene);
   }
+  EXPECT_FALSE(scenes.empty()) << "the table is there, but has no scene of this bandwidth";
   return scenes;
 }
 

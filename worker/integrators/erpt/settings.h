@@ -21,7 +21,7 @@ struct ErptMutations {
     for (std::size_t i = 0; i < shares.size(); ++i)
       visit(mcmc::mutators()[i].name, shares[i], NumberRange{0, 1}, mcmc::mutators()[i].doc);
   }
-  // Those of the preset, without mutations that have no share.
+  // The mutations of the preset whose share is above 0.
   std::vector<mcmc::MutatorShare> chosen() const;
 };
 

@@ -27,7 +27,7 @@ struct SharedVertices {
   const Assembled* of = nullptr;  // null: none
   std::size_t light = 0, sensor = 0;
 };
-// Those of `from` that `to` has. Precondition: `of` is `from`, assembled.
+// The vertices of `from` that `to` has too. Precondition: `of` is `from`, assembled.
 SharedVertices shared_vertices(const Assembled& of, const Path& from, const Path& to);
 
 // film_border: as of Scene::sample_camera. shared: what follows from shared vertices alone is copied; the
