@@ -61,6 +61,6 @@ def tables(rows):
                          [cell(value(rows, n=last, quantity=q, **wanted))
                           for q in ("relative squared error", "noise", "bias")] +
                          [cell(value(rows, n=first, quantity="relative squared error", **wanted))])
-        text += f"{scene}: squared errors at the end, and at an eighth of the time:\n\n"
+        text += f"{scene}:\n\n"
         text += table(["method", "units", "CPU s", "error", "noise", "bias", "error at 1/8"], lines)
     return text
