@@ -43,8 +43,8 @@ void add_scene_file(CLI::App& app, SceneOptions& options) {
 
 void add_lenient(CLI::App& app, SceneOptions& options) {
   app.add_flag("--lenient", options.lenient,
-               "Accept unknown parameters, elements and plugins: warn, and leave them out or use the nearest "
-               "known plugin");
+               "Accept unknown parameters, elements and plugins: leave them out, or use the nearest known "
+               "plugin, with a warning");
 }
 
 void add_scene_memory(CLI::App& app, SceneOptions& options) {
@@ -54,10 +54,9 @@ void add_scene_memory(CLI::App& app, SceneOptions& options) {
 
 void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
   add_scene_file(app, options);
-  add_text(
-      app, "--integrator", options.integrator,
-      "Integrator to use instead of the scene's; it keeps the scene's values of parameters that both have",
-      "NAME");
+  add_text(app, "--integrator", options.integrator,
+           "Integrator to use instead of the scene's; parameters that both have keep the scene's values",
+           "NAME");
   add_lenient(app, options);
   add_texts(app, "--set", options.sets, "Set a setting of the integrator; may be repeated", "KEY=VALUE");
   if (with_limits) {
@@ -71,8 +70,8 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
              "N");
     add_text(app, "--time", options.time, "Stop after this time, such as 90s, 10m or 1h30m", "DURATION");
     add_text(app, "--until", options.until,
-             "Stop when the upper end of the estimated error is at most X; of several limits, the first that "
-             "is reached ends the job",
+             "Stop when the upper end of the estimated error is at most X; the first limit that is reached "
+             "ends the job",
              "relmse=X");
     add_text(app, "--indices", options.indices,
              "Render exactly these iterations of each half, such as 0-31/0-29 (Markov chains: segments); "
@@ -107,11 +106,10 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
            "ALPHA");
   app.add_flag("--light-groups", options.light_groups, "Add a layer light.NAME for each lamp");
   app.add_flag("--partition", options.partition,
-               "Refuse layers unless each path matches exactly one: they then add up to the image");
+               "Require that each path matches exactly one layer, so that the layers add up to the image");
   add_text(app, "--edits", options.edits,
-           "Edit how light travels, as a file of JSON says: move, turn or tint what chosen surfaces scatter; "
-           "none: no "
-           "edits; default: those of the scene's integrator `edits`",
+           "Edit how light travels at chosen surfaces, by a file of JSON; none: no edits; default: those of "
+           "the scene's integrator `edits`",
            "FILE");
   add_scene_memory(app, options);
   add_text(app, "--isa", options.isa,
@@ -131,8 +129,8 @@ void add_farm_options(CLI::App& app, FarmOptions& options) {
            "Certificate of the authority that signed the master's certificate (PEM); $CANDELA_TLS_CA",
            "FILE");
   add_text(app, "--token-file", options.token_file,
-           "File with the token of a master without TLS; default: $CANDELA_TOKEN_FILE, else the file that "
-           "this user's master made",
+           "File with the token of a master without TLS; default: $CANDELA_TOKEN_FILE, else that of this "
+           "user's master",
            "FILE");
   app.add_flag("--insecure", options.insecure,
                "Talk without TLS to a master on another machine; $CANDELA_INSECURE=true");

@@ -27,15 +27,13 @@ struct ImageOutput {
 
 // The text of the option --denoise of render and fetch.
 inline constexpr const char* kDenoiseText =
-    "Add the layer 'denoised' to the EXR, by Open Image Denoise (installed apart), both halves of the "
-    "samples "
-    "and the AOVs albedo and normal; a PNG shows that layer";
+    "Add the layer 'denoised' to the EXR, by Open Image Denoise (not included) with the AOVs albedo and "
+    "normal; a PNG shows that layer";
 
 // The text of the option --mix of fetch and convert.
 inline constexpr const char* kMixText =
-    "Make the image anew of its light groups, or of the layers of a partition, each with the intensity and "
-    "tint "
-    "that this file tells; the page of a job writes such files";
+    "Mix the image from its light groups, or the layers of a partition, with intensities and tints of this "
+    "file; the page of a job writes such files";
 
 // The path ends in `extension`, its folder exists and can be written, and no folder or device is in its
 // place. If the path is a symbolic link, its target's folder exists and can be written too.

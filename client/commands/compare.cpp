@@ -138,15 +138,14 @@ Result<int> run_compare(Context& context, const CompareOptions& options) {
 
 void add_compare(CLI::App& app, Context& context) {
   auto options = std::make_shared<CompareOptions>();
-  CLI::App* sub =
-      app.add_subcommand("compare",
-                         "Compare an image with a reference: mean ratio, RMSE, relMSE = mean((a-b)^2 / (b^2 "
-                         "+ 0.01 mean(b)^2)). If a file has the layer 'variance' or 'error': also standard "
-                         "errors, and the blocks of 16x16 pixels that differ by more than noise; p is the "
-                         "probability that some block differs as much if the images are equal");
+  CLI::App* sub = app.add_subcommand(
+      "compare",
+      "Compare an image with a reference: mean ratio, RMSE, relMSE = mean((a-b)^2 / (b^2 + 0.01 mean(b)^2)). "
+      "With a layer 'variance' or 'error', also standard errors, and the blocks of 16x16 pixels that differ "
+      "by more than noise; p is the probability of such a difference between equal images");
   sub->add_option("image", options->a, "The image")->required()->type_name("A");
   sub->add_option("reference", options->b, "The reference")->required()->type_name("REFERENCE");
-  add_text(*sub, "--worst", options->worst, "How many of the worst pixels and blocks to print (default 5)",
+  add_text(*sub, "--worst", options->worst, "Number of the worst pixels and blocks to print (default 5)",
            "N");
   add_text(
       *sub, "--image", options->image,

@@ -144,20 +144,17 @@ Result<int> run_drain(Context& context, const FleetOptions& options) {
 
 void add_workers(CLI::App& app, Context& context) {
   auto options = std::make_shared<FleetOptions>();
-  CLI::App* sub = app.add_subcommand(
-      "workers",
-      "List the farm's workers; or change one: pause (it gets no work) and resume; distrust "
-      "(its samples are false; also one that has left) and trust");
+  CLI::App* sub = app.add_subcommand("workers",
+                                     "List the farm's workers, or change one: pause (it gets no work), "
+                                     "resume, distrust (its samples are false), trust");
   sub->add_option("action", options->action, "`pause`, `resume`, `distrust` or `trust`; default: list them")
       ->type_name("ACTION");
-  sub->add_option(
-         "worker", options->id,
-         "The worker's id, or a name that no other worker has; to distrust or trust one that has left, "
-         "NAME or HOST/NAME")
+  sub->add_option("worker", options->id,
+                  "The worker's id or unique name; to distrust or trust one that has left, NAME or HOST/NAME")
       ->type_name("WORKER");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--wanted", options->wanted,
-                "Print how many threads, and workers of the present size, the open jobs could use now");
+                "Print the number of threads and workers that the open jobs could use now");
   sub->add_flag("--json", options->json, "Print JSON");
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_workers(context, *options); };
@@ -166,10 +163,8 @@ void add_workers(CLI::App& app, Context& context) {
 
 void add_drain(CLI::App& app, Context& context) {
   auto options = std::make_shared<FleetOptions>();
-  CLI::App* sub = app.add_subcommand("drain", "Give a worker no new work, so that it can leave");
-  sub->add_option("worker", options->id, "The worker's id, or a name that no other worker has")
-      ->required()
-      ->type_name("WORKER");
+  CLI::App* sub = app.add_subcommand("drain", "Let a worker finish and leave");
+  sub->add_option("worker", options->id, "The worker's id or unique name")->required()->type_name("WORKER");
   sub->add_flag("--wait", options->wait, "Return when its last unit is delivered");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print JSON");

@@ -163,15 +163,15 @@ void add_convert(CLI::App& app, Context& context) {
   add_text(*sub, "--layer", options->layer, "Show this layer of the EXR in place of the image", "NAME");
   add_text(*sub, "--mix", options->mix, kMixText, "FILE.json");
   add_text(*sub, "--exposure", options->exposure, "Multiply by 2^E first (default 0)", "E");
-  add_text(*sub, "--range", options->range,
-           "Show values from LOW (black) to HIGH (white) in proportion, without sRGB's curve, such as 0,20 "
-           "for depth or -1,1 for normals; auto: the range of all values, as layers other than colors have "
-           "it by default",
-           "LOW,HIGH");
+  add_text(
+      *sub, "--range", options->range,
+      "Show values from LOW (black) to HIGH (white) in proportion, without sRGB's curve, such as 0,20 for "
+      "depth or -1,1 for normals; auto: the range of all values (default for layers other than colors)",
+      "LOW,HIGH");
   add_text(*sub, "--quality", options->quality, "Quality of a JPEG, from 1 to 100 (default 95)", "N");
-  sub->add_flag("--denoise", options->denoise,
-                "Denoise the image by Open Image Denoise (installed apart), with the AOVs albedo and normal "
-                "of the EXR");
+  sub->add_flag(
+      "--denoise", options->denoise,
+      "Denoise the image by Open Image Denoise (not included), with the AOVs albedo and normal of the EXR");
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_convert(context, *options); };
   });

@@ -142,15 +142,15 @@ void add_falsecolor(CLI::App& inspect, Context& context) {
   add_text(*sub, "--layer", options->layer,
            "Show this layer in place of the image, such as error, variance or an AOV", "NAME");
   add_text(*sub, "--channel", options->channel,
-           "R, G, B, X, Y, Z, U, V or I, luminance, or length (of a vector); default: the only channel, else "
-           "luminance, else length",
+           "Channel: R, G, B, X, Y, Z, U, V, I, luminance or length (of a vector); default: the only "
+           "channel, else luminance, else length",
            "CHANNEL");
   add_text(*sub, "--minus", options->minus, "Subtract the same quantity of this EXR first", "FILE");
   add_text(*sub, "--map", options->map, "Color map: viridis (default), turbo, grey or heat", "MAP");
   sub->add_flag("--log", options->logarithmic,
                 "Use a logarithmic scale; values of 0 or less have a color of their own");
   sub->add_flag("--signed", options->is_signed,
-                "Use a range symmetric about 0, with a map from blue (below) to red (above)");
+                "Use a range symmetric about 0, from blue (below) to red (above)");
   add_text(*sub, "--range", options->range, "Values at the ends of the scale", "LOW,HIGH");
   add_text(*sub, "--percentiles", options->percentiles,
            "Take the range between two percentiles of the values (default 1,99)", "LOW,HIGH");

@@ -277,12 +277,11 @@ void add_steer(CLI::App& app, Context& context, const char* name, const char* do
 
 void add_show(CLI::App& app, Context& context) {
   auto options = std::make_shared<JobOptions>();
-  CLI::App* sub =
-      add_job_command(app, options, "show",
-                      "Show a job: state, progress, settings. relMSE is estimated from the job's two halves. "
-                      "'at most' is the upper end of its 95 % interval; --until stops by it. No estimate "
-                      "knows of light that no sample has found: if the plan expects such light, a line names "
-                      "it and an integrator that finds it (docs/error.md). Of a group: its frames");
+  CLI::App* sub = add_job_command(
+      app, options, "show",
+      "Show a job: state, progress, settings; or the frames of a group. 'at most' is the upper end of the 95 "
+      "% interval of relMSE; --until stops by it. It leaves out light that no sample has found; if the plan "
+      "expects such light, a line says so (docs/error.md)");
   sub->callback(
       [&context, options] { context.command = [&context, options] { return run_show(context, *options); }; });
 }
@@ -320,8 +319,7 @@ void add_priority(CLI::App& app, Context& context) {
       "priority",
       "Set the priority of jobs; jobs of higher priority run first, and cut units of lower priority short");
   sub->add_option("ids", options->ids,
-                  "The jobs or groups, and last their new priority, -1000000 to 1000000; jobs have 0 unless "
-                  "told otherwise")
+                  "The jobs or groups, and their new priority, -1000000 to 1000000; default of jobs: 0")
       ->required()
       ->type_name("ID... PRIORITY");
   add_farm_options(*sub, options->farm);
@@ -334,7 +332,7 @@ void add_priority(CLI::App& app, Context& context) {
 void add_extend(CLI::App& app, Context& context) {
   auto options = std::make_shared<JobOptions>();
   CLI::App* sub =
-      add_job_command(app, options, "extend", "Add to the limits of jobs; a finished job goes on");
+      add_job_command(app, options, "extend", "Add to the limits of jobs; a finished job continues");
   add_text(*sub, "--spp", options->spp, "Add N samples (Markov chains: mutations) per pixel", "+N");
   add_text(*sub, "--iterations", options->iterations, "Add N iterations", "+N");
   add_text(*sub, "--time", options->time, "Add this time", "+DURATION");

@@ -97,7 +97,7 @@ void add_list(CLI::App& app, Context& context) {
   sub->add_flag("--unfold", options->unfold, "List the frames of all groups, not the groups");
   add_text(*sub, "--limit", options->limit, "At most the newest N jobs (default 100; all with --json)", "N");
   add_text(*sub, "--after", options->after,
-           "Continue a list: only jobs older than PLACE, the value that the list before printed", "PLACE");
+           "Continue a list: only jobs older than PLACE, the value that the previous list printed", "PLACE");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print JSON");
   sub->callback(

@@ -67,16 +67,15 @@ Result<int> run_objects(Context& context, const ObjectsOptions& options) {
 
 void add_objects(CLI::App& app, Context& context) {
   auto options = std::make_shared<ObjectsOptions>();
-  CLI::App* sub = app.add_subcommand("objects",
-                                     "List the surfaces, lamps and media of a scene by the names that light "
-                                     "path expressions (--layer) know, with "
-                                     "numbers of shapes, and bounds where the scene file has them");
+  CLI::App* sub =
+      app.add_subcommand("objects",
+                         "List the names of surfaces, lamps and media for light path expressions (--layer), "
+                         "with numbers of shapes, and bounds if the scene file has them");
   SceneOptions& scene = options->scene;
   add_scene_file(*sub, scene);
-  add_text(
-      *sub, "--integrator", scene.integrator,
-      "Integrator to use instead of the scene's; it keeps the scene's values of parameters that both have",
-      "NAME");
+  add_text(*sub, "--integrator", scene.integrator,
+           "Integrator to use instead of the scene's; parameters that both have keep the scene's values",
+           "NAME");
   add_lenient(*sub, scene);
   add_scene_memory(*sub, scene);
   sub->add_flag("--json", options->json, "Print JSON");

@@ -74,7 +74,7 @@ void add_resources(CLI::App& sub, SlurmOptions& options) {
   sub.add_option("--time", job.time, "Time limit, such as 8:00:00 or 2-0; default: the site's")
       ->type_name("TIME");
   sub.add_option("--notice", options.notice,
-                 "Seconds before the limit at which a worker delivers what it has and leaves; default: 60")
+                 "Seconds before the limit at which a worker delivers and leaves; default: 60")
       ->type_name("SECONDS");
   sub.add_option("--partition", job.partition, "Partitions, with commas between")->type_name("NAME");
   sub.add_option("--account", job.account, "Account that pays for the time")->type_name("NAME");

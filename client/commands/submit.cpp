@@ -317,27 +317,24 @@ void add_submit(CLI::App& app, Context& context) {
       app.add_subcommand("submit", "Send a scene to a farm as a job, or as a group of frames; prints the id");
   add_scene_options(*sub, options->scene, true);
   add_farm_options(*sub, options->farm);
-  add_text(
-      *sub, "--name", options->name,
-      "Name of the job for people, with {frame} of a group; default: the name of the scene's file, or of its "
-      "folder if the file is called scene, main or the like",
-      "TEXT");
+  add_text(*sub, "--name", options->name,
+           "Name of the job, with {frame} for a group; default: the name of the scene's file, or of its "
+           "folder if the file is called scene, main or similar",
+           "TEXT");
   add_text(
       *sub, "--frames", options->frames,
       "Submit a group: a job for each of these frames, such as 1-240, 1-240x2 (every second one) or 1,5,9; "
-      "{frame} or {frame:4} (zeros in front) in SCENE, -D, --set, --seed, --name and -o is its number",
+      "{frame} or {frame:4} (zeros in front) in SCENE, -D, --set, --seed, --name and -o is the number",
       "RANGE");
-  add_texts(
-      *sub, "--depends", options->depends,
-      "Start when this job or group is done; the job fails if that fails or is cancelled; may be repeated",
-      "ID");
+  add_texts(*sub, "--depends", options->depends,
+            "Start when this job or group is done, and fail if it fails or is cancelled; may be repeated",
+            "ID");
   add_text(*sub, "--priority", options->priority, "Higher runs first (default 0)", "N");
   add_text(*sub, "--share", options->share, "Weight among jobs of one priority (default 1)", "X");
   add_text(*sub, "--token", options->token,
-           "Idempotency token: submitting again with it returns the first job", "TEXT");
+           "Idempotency token: a second submission with it returns the first job", "TEXT");
   add_text(*sub, "--export", options->folder,
-           "Submit nothing, and write what the HTTP API takes: submission.json, and the scene's files by "
-           "their SHA-256",
+           "Write files for the HTTP API instead: submission.json, and the scene's files by their SHA-256",
            "FOLDER");
   sub->add_flag("--wait", options->wait, "Show progress until the job has ended, and exit with its result");
   add_text(*sub, "-o,--output", options->output,

@@ -146,11 +146,11 @@ Result<int> run_tls(Context& context, const TlsOptions& options) {
 void add_tls(CLI::App& app, Context& context) {
   auto options = std::make_shared<TlsOptions>();
   CLI::App* sub = app.add_subcommand("tls",
-                                     "Make certificates: init makes those of an authority, the master, the "
-                                     "workers and people; add makes more later");
+                                     "Make certificates: init for an authority, the master, the workers and "
+                                     "people; add for more people and workers");
   sub->add_option("action", options->action, "init or add")->required()->type_name("ACTION");
   sub->add_option("names", options->names,
-                  "init: names and addresses by which the master is reached; add: names of new certificates")
+                  "init: names and addresses of the master; add: names of new certificates")
       ->required()
       ->type_name("NAME...");
   add_text(*sub, "--folder", options->folder, "Folder of the files; default: tls", "DIR");
@@ -160,7 +160,7 @@ void add_tls(CLI::App& app, Context& context) {
       "NAME=ROLES");
   add_texts(*sub, "--role", options->roles, "add: worker, submit, operate or read; repeatable", "ROLES");
   add_text(*sub, "--days", options->days,
-           "How long certificates are valid; default: 825, the authority's 3650", "N");
+           "Days that certificates are valid; default: 825, the authority's 3650", "N");
   sub->callback(
       [&context, options] { context.command = [&context, options] { return run_tls(context, *options); }; });
 }

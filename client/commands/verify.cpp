@@ -98,8 +98,8 @@ void add_verify(CLI::App& app, Context& context) {
 void add_repair(CLI::App& app, Context& context) {
   auto options = std::make_shared<VerifyOptions>();
   CLI::App* sub = app.add_subcommand("repair",
-                                     "Render again the samples that an ended job has lost; or add again a "
-                                     "job that the master's store has lost");
+                                     "Render again the samples that an ended job has lost, or add a job "
+                                     "again that the master's store has lost");
   sub->add_option("id", options->id, "The job: its id, the beginning, or its name")
       ->required()
       ->type_name("ID");

@@ -90,32 +90,28 @@ void add_watch(CLI::App& app, Context& context) {
 
 void add_fetch(CLI::App& app, Context& context) {
   auto options = std::make_shared<WatchOptions>();
-  CLI::App* sub = app.add_subcommand("fetch", "Get the image of all samples that are merged so far");
+  CLI::App* sub = app.add_subcommand("fetch", "Get the image of the merged samples, at any time");
   add_job_words(*sub, options->ids, "The jobs or groups: ids, their beginnings, or names");
-  add_text(
-      *sub, "-o,--output", options->output,
-      "Write the image here: an .exr, or a .png without layers and metadata; {name}, {id} and, of frames, "
-      "{frame} or {frame:4} (zeros in front) in it are the job's; default: the job's name and .exr",
-      "FILE");
+  add_text(*sub, "-o,--output", options->output,
+           "Write the image here: an .exr, or a .png without layers and metadata; {name}, {id}, {frame} and "
+           "{frame:4} (zeros in front) are those of the job; default: the job's name and .exr",
+           "FILE");
   add_text(*sub, "--png", options->png, "Write the image as sRGB PNG", "FILE");
   sub->add_flag("--error-layer", options->error_layer,
                 "Add the layer 'error': the estimated standard deviation");
   sub->add_flag("--variance-layer", options->variance_layer,
                 "Add the layer 'variance': the estimated variance, without bias");
   sub->add_flag("--chain-layers", options->chain_layers,
-                "Markov chains: add the parts that make up the image, as layers 'raw.chains' and 'raw.*'");
+                "Markov chains: add the layers 'raw.chains' and 'raw.*', which make up the image");
   sub->add_flag("--layers", options->layers,
                 "Add the layers of adaptive radii, such as 'radius', to the EXR (fppm, cppm, appm, vcmplus)");
   add_text(*sub, "--estimator", options->estimator,
-           "optimis: estimator that makes the image from the merged sums; default: its setting `estimator`",
-           "NAME");
-  add_text(*sub, "--half", options->half,
-           "Write the image of one half of the samples, for denoisers that filter each half by the other",
-           "A|B");
+           "optimis: estimator of the image; default: its setting `estimator`", "NAME");
+  add_text(*sub, "--half", options->half, "Write the image of one half of the samples, for denoisers", "A|B");
   sub->add_flag("--denoise", options->denoise, kDenoiseText);
   add_text(*sub, "--mix", options->mix, kMixText, "FILE.json");
   sub->add_flag("--partial", options->partial,
-                "Get what is left of a job that has ended and has lost samples (see verify)");
+                "Get the image of an ended job that has lost samples (see verify)");
   add_farm_options(*sub, options->farm);
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_fetch(context, *options); };

@@ -164,7 +164,7 @@ Result<int> run_check(Context& context, const CheckOptions& options) {
 void add_check(CLI::App& app, Context& context) {
   auto options = std::make_shared<CheckOptions>();
   CLI::App* sub = app.add_subcommand(
-      "check", "Build the scene, list what it uses or all its errors, and warn of what differs from Mitsuba");
+      "check", "Build the scene, list its features or all its errors, and warn of differences from Mitsuba");
   add_scene_options(*sub, options->scene, false);
   sub->add_flag("--strict", options->strict, "Exit with 1 if there is a warning");
   sub->add_flag("--json", options->json, "Print JSON");

@@ -209,20 +209,19 @@ Result<int> run_paths(Context& context, const PathsOptions& options) {
 
 void add_inspect_paths(CLI::App& inspect, Context& context) {
   auto options = std::make_shared<PathsOptions>();
-  CLI::App* sub = inspect.add_subcommand(
-      "paths",
-      "Say where the light of some pixels comes from: paths of bidirectional path tracing on this machine, "
-      "clustered, with their shares of the light");
+  CLI::App* sub = inspect.add_subcommand("paths",
+                                         "Show where the light of some pixels comes from: clusters of paths "
+                                         "of bidirectional path tracing, with their shares of the light");
   add_inspect_options(*sub, options->inspect);
   add_text(*sub, "--pixels", options->pixels,
            "Rectangle of pixels, both corners included; default with --region: the film", "X0,Y0,X1,Y1");
   add_texts(*sub, "--region", options->inspect.regions,
-            "Only light that the vertex next to the eye sends from within box:x0,y0,z0,x1,y1,z1 or "
-            "sphere:x,y,z,radius; with NAME= before it, a region for @NAME in --select; may be repeated",
+            "Take only paths whose vertex next to the eye is within box:x0,y0,z0,x1,y1,z1 or "
+            "sphere:x,y,z,radius; with NAME= in front, name a region for @NAME in --select; may be repeated",
             "REGION");
   add_spp_of_pixels(*sub, options->spp);
   add_text(*sub, "--by", options->by, "Cluster paths by expression (default) or by object", "KIND");
-  add_text(*sub, "--from", options->from, "End that clustering begins at: eye (default) or light", "END");
+  add_text(*sub, "--from", options->from, "End at which clustering begins: eye (default) or light", "END");
   add_text(*sub, "--clusters", options->rows, "Split clusters up to this number (default 12)", "N");
   add_text(*sub, "--keep", options->keep, "Key paths to keep over all clusters (default 64)", "N");
   add_text(*sub, "-o,--output", options->output, "Write clusters and key paths as JSON", "FILE.json");

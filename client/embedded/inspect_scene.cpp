@@ -50,22 +50,20 @@ void add_inspect_options(CLI::App& app, InspectOptions& options) {
   SceneOptions& scene = options.scene;
   add_scene_file(app, scene);
   add_lenient(app, scene);
-  add_texts(app, "--set", scene.sets, "Set a setting of the integrator, such as max_depth=4; may be repeated",
-            "KEY=VALUE");
+  add_texts(app, "--set", scene.sets, "Set a setting of the integrator; may be repeated", "KEY=VALUE");
   add_text(app, "--select", options.select,
-           "Show only light whose paths match this light path expression, such as LS+DE", "EXPR");
+           "Take only light whose paths match this light path expression, such as LS+DE", "EXPR");
   add_text(app, "--glossy-below", scene.glossy_below,
            "Roughness alpha below which light that is not mirrored counts as G, above as D (default 0.3)",
            "ALPHA");
   add_text(app, "--seed", scene.seed, "Seed; default: that of the scene's sampler, else 0", "N");
   add_text(app, "--size", scene.size,
            "Size of the image in pixels; default: the scene's film, or its crop window", "WxH");
-  add_text(
-      app, "--crop", scene.crop,
-      "Take this part of the image for the film: left, top, width and height in pixels of the whole image",
-      "X,Y,W,H");
+  add_text(app, "--crop", scene.crop,
+           "Render this part of the image alone: left, top, width and height in pixels of the whole image",
+           "X,Y,W,H");
   add_text(app, "--edits", scene.edits,
-           "Edit how light travels, as a file of JSON says; none: no edits (the default)", "FILE");
+           "Edit how light travels at chosen surfaces, by a file of JSON; none: no edits (default)", "FILE");
   add_text(app, "--threads", options.threads, "Threads; default: one for each core", "N");
   add_scene_memory(app, scene);
 }

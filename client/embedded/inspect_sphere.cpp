@@ -249,11 +249,10 @@ void add_inspect_sphere(CLI::App& inspect, Context& context) {
   auto options = std::make_shared<SphereOptions>();
   CLI::App* sub = inspect.add_subcommand("sphere",
                                          "Show the radiance that arrives at a place from each direction, by "
-                                         "path tracing on this machine, or on a "
-                                         "farm with --master");
+                                         "path tracing here or on a farm with --master");
   add_inspect_options(*sub, options->inspect);
   add_named_regions(*sub, options->inspect);
-  add_text(*sub, "--at", options->at, "The center of the sphere, in the coordinates of the scene", "x,y,z");
+  add_text(*sub, "--at", options->at, "Center of the sphere, in world coordinates", "x,y,z");
   add_text(*sub, "--pixel", options->pixel, "In place of --at: the surface that this pixel shows", "x,y");
   sub->add_flag("--disc", options->disc,
                 "With --pixel: light that arrives on a disc on the surface, from its visible side");
@@ -267,8 +266,8 @@ void add_inspect_sphere(CLI::App& inspect, Context& context) {
   add_text(*sub, "--map", options->map, "Color map: viridis (default), turbo, grey or heat", "MAP");
   sub->add_flag("--log", options->logarithmic, "Use a logarithmic scale");
   add_text(*sub, "--lobe", options->lobe,
-           "Write a closed surface whose distance from the place goes with the luminance: a PLY of triangles "
-           "with vertex colors",
+           "Write a closed surface whose distance from the place is proportional to the luminance: a PLY of "
+           "triangles with vertex colors",
            "FILE.ply");
   add_text(*sub, "--lobe-size", options->lobe_size,
            "Largest distance of that surface; default: the radius, else a tenth of the scene's", "R");

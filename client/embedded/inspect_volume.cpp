@@ -309,13 +309,11 @@ Result<int> run_volume(Context& context, const VolumeOptions& options) {
 
 void add_inspect_volume(CLI::App& inspect, Context& context) {
   auto options = std::make_shared<VolumeOptions>();
-  CLI::App* sub =
-      inspect.add_subcommand("volume",
-                             "Show the light of the image in space: paths of bidirectional path "
-                             "tracing by the cells of a box that they cross, on this machine, or on a "
-                             "farm with --master");
+  CLI::App* sub = inspect.add_subcommand("volume",
+                                         "Show the light of the image in space: paths of bidirectional path "
+                                         "tracing in the cells of a box, here or on a farm with --master");
   add_inspect_options(*sub, options->inspect);
-  sub->add_option("--box", options->box, "Two corners of the box, in the coordinates of the scene")
+  sub->add_option("--box", options->box, "Two corners of the box, in world coordinates")
       ->required()
       ->type_name("x0,y0,z0,x1,y1,z1");
   add_text(*sub, "--resolution", options->resolution,
@@ -324,8 +322,7 @@ void add_inspect_volume(CLI::App& inspect, Context& context) {
            "Take the light of these pixels alone: a rectangle, both corners included", "X0,Y0,X1,Y1");
   add_named_regions(*sub, options->inspect);
   add_spp_of_pixels(*sub, options->spp);
-  sub->add_flag("--eye-edges", options->eye_edges,
-                "Count the last edge of each path, to the eye, as well: all that the camera sees crosses it");
+  sub->add_flag("--eye-edges", options->eye_edges, "Also count the last edge of each path, to the eye");
   add_text(
       *sub, "-o,--output", options->output,
       "Write the grid: Mitsuba's .vol with three channels, or OpenVDB with the grids density (luminance) "

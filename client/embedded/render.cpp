@@ -385,10 +385,9 @@ void add_render(CLI::App& app, Context& context) {
   auto options = std::make_shared<RenderOptions>();
   CLI::App* sub = app.add_subcommand("render", "Render a scene here, with a farm inside this process");
   add_scene_options(*sub, options->scene, true);
-  sub->add_option(
-         "-o,--output", options->output,
-         "Write the image here: an .exr, or a .png without layers and metadata; default: the scene's "
-         "name and .exr, in the present folder")
+  sub->add_option("-o,--output", options->output,
+                  "Write the image here: an .exr, or a .png without layers and metadata; default: the "
+                  "scene's name and .exr, in the current folder")
       ->type_name("FILE");
   add_text(*sub, "--png", options->png, "Also write the image as sRGB PNG", "FILE");
   add_preview_options(*sub, options->preview, true);
@@ -399,29 +398,26 @@ void add_render(CLI::App& app, Context& context) {
   sub->add_flag("--layers", options->layers,
                 "Add the layers of adaptive radii, such as 'radius', to the EXR (fppm, cppm, appm, vcmplus)");
   sub->add_flag("--chain-layers", options->chain_layers,
-                "Markov chains: add the parts that make up the image, as layers 'raw.chains' and 'raw.*'");
+                "Markov chains: add the layers 'raw.chains' and 'raw.*', which make up the image");
   add_text(*sub, "--estimator", options->estimator,
-           "optimis: estimator that makes the image from the merged sums; default: its setting `estimator`",
-           "NAME");
-  add_text(*sub, "--half", options->half,
-           "Write the image of one half of the samples, for denoisers that filter each half by the other",
-           "A|B");
+           "optimis: estimator of the image; default: its setting `estimator`", "NAME");
+  add_text(*sub, "--half", options->half, "Write the image of one half of the samples, for denoisers", "A|B");
   sub->add_flag("--denoise", options->denoise, kDenoiseText);
   add_text(*sub, "--page", options->page,
            "Serve a live page of the render on a port of this machine, such as localhost:9090", "HOST:PORT");
   sub->add_flag("--page-stay", options->page_stay,
-                "With --page: serve it after the render has ended, too, until Ctrl-C")
+                "With --page: keep it after the render has ended, until Ctrl-C")
       ->needs("--page");
   add_text(*sub, "--threads", options->threads, "Threads in all (default: all cores)", "N");
   add_text(*sub, "--workers", options->workers, "Workers that share the threads (default 1)", "N");
   add_text(*sub, "--texture-memory", options->texture_memory,
-           "Memory for decoded textures; further ones lie in a file beside the image (default: a quarter of "
-           "the memory)",
+           "Memory for decoded textures; the rest goes to a file beside the image (default: a quarter of the "
+           "memory)",
            "SIZE");
   sub->add_flag("--resume", options->resume,
                 "Continue a render that was stopped or crashed, from its state in OUTPUT.candela; larger "
                 "limits extend it");
-  sub->add_flag("--fresh", options->fresh, "Delete the state in OUTPUT.candela and start anew");
+  sub->add_flag("--fresh", options->fresh, "Delete the state in OUTPUT.candela and start again");
   sub->add_flag("--keep-state", options->keep_state,
                 "Keep the state of a finished render, to extend it later by --resume");
   sub->add_flag("--quiet", options->quiet, "Print no progress");

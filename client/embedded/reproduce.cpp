@@ -261,20 +261,18 @@ void add_reproduce(CLI::App& app, Context& context) {
   auto options = std::make_shared<ReproduceOptions>();
   CLI::App* sub =
       app.add_subcommand("reproduce",
-                         "Print the command that makes an image again with the same bits, and what is "
-                         "missing or different on this machine; with --run, render the image and compare");
+                         "Print the command that makes an image again with the same bits, and the "
+                         "differences of this machine; with --run, render the image and compare");
   sub->add_option("image", options->image, "The image (.exr)")->required()->type_name("IMAGE");
-  sub->add_flag(
-      "--run", options->run,
-      "Render it again here, or on a farm with --master, and compare the pixels: exit code 0 if they "
-      "are equal, 1 if not");
+  sub->add_flag("--run", options->run,
+                "Render the image here, or on a farm with --master, and compare the pixels: exit code 0 if "
+                "they are equal, 1 if not");
   add_text(*sub, "--scene", options->scene, "Path of the scene file, if it was moved", "PATH");
-  add_text(*sub, "-o,--output", options->output,
-           "Write the image that is made again here (.exr; default with --run: it is not kept)", "FILE");
+  add_text(*sub, "-o,--output", options->output, "Write the new image here (.exr; default: it is not kept)",
+           "FILE");
   add_text(*sub, "--threads", options->threads, "Threads in all (default: all cores)", "N");
-  sub->add_flag("--resume", options->resume, "Continue a --run that was stopped; needs -o");
-  sub->add_flag("--fresh", options->fresh,
-                "Delete the state of a --run that was stopped, and start anew; needs -o");
+  sub->add_flag("--resume", options->resume, "Continue a stopped --run; needs -o");
+  sub->add_flag("--fresh", options->fresh, "Delete the state of a stopped --run and start again; needs -o");
   sub->add_flag("--quiet", options->quiet, "Print no progress");
   add_farm_options(*sub, options->farm);
   sub->callback([&context, options] {

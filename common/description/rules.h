@@ -51,8 +51,7 @@ inline PropertyRule non_negative_rgb(std::string_view name, std::string_view doc
 }
 
 inline PropertyRule sampling_weight() {
-  return ignored("sampling_weight", {number},
-                 "how often the emitter is chosen: noise only, the mean is the same");
+  return ignored("sampling_weight", {number}, "changes only noise");
 }
 
 // The field of view of a camera or a projector: fov, fov_axis, focal_length. fov_axis_doc says whose axis it
@@ -70,7 +69,7 @@ inline std::vector<PropertyRule> field_of_view(std::string_view fov_axis_doc) {
            .doc = fov_axis_doc},
           {.name = "focal_length",
            .types = {string},
-           .doc = "35 mm equivalent focal length, such as 50mm, where fov is absent (default 50mm)"}};
+           .doc = "35 mm equivalent focal length, such as 50mm, if fov is absent (default 50mm)"}};
 }
 
 inline PropertyRule silhouette() {

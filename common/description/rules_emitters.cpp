@@ -24,7 +24,7 @@ PluginRule daylight(std::string_view name, std::vector<PropertyRule> own, std::s
       real("turbidity", "haze: 2 very clear, 3 clear, 6 warm and moist, 10 hazy (default 3)", 1, 10),
       {.name = "sun_direction",
        .types = {vector},
-       .doc = "towards the sun in the scene, whatever to_world is; else by date, time and place"},
+       .doc = "direction to the sun in the world, without to_world; default: by date, time and place"},
       whole("year", "(default 2010)", 1900, 2100),
       whole("month", "(default 7)", 1, 12),
       whole("day", "(default 10)", 1, 31),
@@ -55,16 +55,16 @@ void add_daylight(std::vector<PluginRule>& table) {
                                 .doc = "lets the sky reach below the horizon: 2 to the nadir (default 1)",
                                 .minimum = 1,
                                 .maximum = 2};
-  const PropertyRule albedo = {.name = "albedo",
-                               .types = {rgb},
-                               .doc = "of the ground, which lights the sky (default 0.3; 0.2 in 0.6's files)",
-                               .minimum = 0,
-                               .maximum = 1};
-  const PropertyRule radius = {
-      .name = "sun_radius_scale",
-      .types = {number},
-      .doc = "widens the sun and keeps its power (default 1; at least 0.01 is taken)",
-      .minimum = 0};
+  const PropertyRule albedo = {
+      .name = "albedo",
+      .types = {rgb},
+      .doc = "albedo of the ground, which lights the sky (default 0.3; 0.2 in 0.6's files)",
+      .minimum = 0,
+      .maximum = 1};
+  const PropertyRule radius = {.name = "sun_radius_scale",
+                               .types = {number},
+                               .doc = "widens the sun and keeps its power (default 1; at least 0.01)",
+                               .minimum = 0};
   const PropertyRule aperture = {
       .name = "sun_aperture",
       .types = {number},
@@ -76,9 +76,8 @@ void add_daylight(std::vector<PluginRule>& table) {
       "the coefficients of the sky are fitted to radiances of 0.6 at whole turbidities: directions differ by "
       "0.3 % (root mean square); Mitsuba 3's sky has +z up";
   const std::string_view sun =
-      "the sun is a black body of 5778 K behind Rayleigh and aerosol scattering: no ozone, gases or vapor; "
-      "it "
-      "is as wide as a pixel of the image at least";
+      "the sun is a black body of 5778 K behind Rayleigh and aerosol scattering, without ozone, gases or "
+      "vapor; it is at least as wide as a pixel of the image";
   table.push_back(daylight("sky", {factor("scale"), stretch, albedo},
                            "a clear sky without the sun after Hosek and Wilkie 2012", sky));
   table.push_back(daylight("sun", {factor("scale"), radius}, "the sun through the atmosphere", sun));
@@ -90,15 +89,16 @@ void add_daylight(std::vector<PluginRule>& table) {
 }  // namespace
 
 void add_emitters(std::vector<PluginRule>& table) {
-  table.push_back({.category = "emitter",
-                   .name = "area",
-                   .properties = {textured(non_negative_rgb(
-                                      "radiance", "W/(m^2 sr), towards the normal's side (default 1)")),
-                                  luminous_power("Candela's addition: the light is scaled such that the "
-                                                 "luminance of all that leaves its shape is this, in W"),
-                                  sampling_weight()},
-                   .child_categories = {},
-                   .doc = "makes its shape a diffuse emitter; only inside a shape"});
+  table.push_back(
+      {.category = "emitter",
+       .name = "area",
+       .properties =
+           {textured(non_negative_rgb("radiance", "W/(m^2 sr), towards the normal's side (default 1)")),
+            luminous_power(
+                "Candela's addition: luminance of all light that leaves the shape, in W; scales the light"),
+            sampling_weight()},
+       .child_categories = {},
+       .doc = "makes its shape a diffuse emitter; only inside a shape"});
   table.push_back({.category = "emitter",
                    .name = "point",
                    .properties = {non_negative_rgb("intensity", "W/sr (default 1)"),
@@ -135,7 +135,7 @@ void add_emitters(std::vector<PluginRule>& table) {
             sampling_weight()},
        .child_categories = {"medium"},
        .doc = "a point that shines into a cone"});
-  std::vector<PropertyRule> projector = field_of_view("the picture's axis fov spans (default x)");
+  std::vector<PropertyRule> projector = field_of_view("picture axis of fov (default x)");
   projector.insert(projector.begin(),
                    {textured(non_negative_rgb("irradiance",
                                               "the picture: irradiance over pi, W/m^2, of the "
@@ -146,9 +146,8 @@ void add_emitters(std::vector<PluginRule>& table) {
                      .values = {"irradiance", "intensity"},
                      .doc = "Candela's addition: intensity, as in pbrt: the picture is W/sr (default "
                             "irradiance)"},
-                    luminous_power("Candela's addition: the light is scaled such that its luminance is this, "
-                                   "in W, whatever its scale")});
-  projector.push_back(to_world("as of a camera that sees the picture: along +z, +y is up, +x to the left"));
+                    luminous_power("Candela's addition: luminance of the light, in W; overrides scale")});
+  projector.push_back(to_world("that of a camera that sees the picture: along +z, +y is up, +x to the left"));
   projector.push_back(sampling_weight());
   table.push_back({.category = "emitter",
                    .name = "projector",
@@ -159,11 +158,10 @@ void add_emitters(std::vector<PluginRule>& table) {
       {.category = "emitter",
        .name = "goniometric",
        .properties =
-           {file("square picture of all directions that keeps areas, as pbrt's: the mean of its red, "
-                 "green and blue; +y is in its middle, +x to the right, +z below; at most 2048 pixels a "
-                 "side"),
+           {file("square picture of all directions that keeps areas, as in pbrt; +y is in its middle, +x to "
+                 "the right, +z below; the mean of red, green and blue counts; at most 2048 pixels a side"),
             non_negative_rgb("intensity", "W/sr where the picture is 1 (default 1)"),
-            luminous_power("the light is scaled such that its luminance is this, in W"),
+            luminous_power("luminance of the light, in W; scales the light"),
             to_world("moves and turns the light"), sampling_weight()},
        .child_categories = {"medium"},
        .doc = "Candela's addition, as in pbrt: a point whose light follows a picture of its directions"});
@@ -195,15 +193,13 @@ void add_emitters(std::vector<PluginRule>& table) {
                       {.name = "scale", .types = {number}, .doc = "factor (default 1)", .minimum = 0},
                       {.name = "illuminance",
                        .types = {number},
-                       .doc = "Candela's addition, with equalarea: the light is scaled such that its "
-                              "luminance on a plane below, facing its +z, is this, in W/m^2, whatever its "
-                              "scale",
+                       .doc = "Candela's addition, with equalarea: luminance on a plane that faces its +z, "
+                              "in W/m^2; overrides scale",
                        .minimum = 0,
                        .above_minimum = true},
                       to_world("turns the environment (default identity)"),
                       sampling_weight(),
-                      ignored("mis_compensation", {boolean},
-                              "a way of sampling: noise only, the mean is the same"),
+                      ignored("mis_compensation", {boolean}, "changes only noise"),
                       only("gamma", number, "-1", "0.6: the file's own encoding decides"),
                       ignored("cache", {boolean}, "0.6: no cache files are written")},
        .child_categories = {"medium"},

@@ -9,16 +9,15 @@ PropertyRule to_local(std::string_view doc) {
 }
 
 std::vector<PropertyRule> medium_properties(std::string_view extinction) {
-  return {
-      {.name = "albedo",
-       .types = {rgb},
-       .doc = "fraction of the extinction that is scattering, or a <volume> of this name (default 0.75)",
-       .minimum = 0,
-       .maximum = 1},
-      {.name = "sigma_t", .types = {rgb}, .doc = extinction, .minimum = 0},
-      {.name = "scale", .types = {number}, .doc = "factor of sigma_t (default 1)", .minimum = 0},
-      ignored("sample_emitters", {boolean}, "a way of sampling: noise only, the mean is the same"),
-      ignored("has_spectral_extinction", {boolean}, "a way of sampling: noise only, the mean is the same")};
+  return {{.name = "albedo",
+           .types = {rgb},
+           .doc = "fraction of the extinction that is scattering, or a <volume> of this name (default 0.75)",
+           .minimum = 0,
+           .maximum = 1},
+          {.name = "sigma_t", .types = {rgb}, .doc = extinction, .minimum = 0},
+          {.name = "scale", .types = {number}, .doc = "factor of sigma_t (default 1)", .minimum = 0},
+          ignored("sample_emitters", {boolean}, "changes only noise"),
+          ignored("has_spectral_extinction", {boolean}, "changes only noise")};
 }
 
 }  // namespace
@@ -34,8 +33,8 @@ void add_media(std::vector<PluginRule>& table) {
        .name = "heterogeneous",
        .properties = medium_properties("extinction per scene unit, or a <volume> of this name (default 1)"),
        .child_categories = {"phase", "volume"},
-       .doc = "varies in space as its volumes do; where sigma_t is a grid there is nothing beyond the grid's "
-              "box (turned with its to_world, where Mitsuba takes the box around that)"});
+       .doc = "varies in space as its volumes do; a grid of sigma_t is empty beyond its box, turned with its "
+              "to_world (Mitsuba: the box around that)"});
   table.push_back({.category = "phase",
                    .name = "isotropic",
                    .properties = {},
@@ -54,19 +53,20 @@ void add_media(std::vector<PluginRule>& table) {
                    .name = "rayleigh",
                    .properties = {},
                    .child_categories = {},
-                   .doc = "of particles much smaller than the wavelength, without polarization"});
-  table.push_back({.category = "phase",
-                   .name = "blendphase",
-                   .properties = {{.name = "weight",
-                                   .types = {number},
-                                   .required = true,
-                                   .doc = "of the second; the first has the rest; the same everywhere: a "
-                                          "number, or a constvolume of this name",
-                                   .minimum = 0,
-                                   .maximum = 1}},
-                   .child_categories = {"phase"},
-                   .doc = "a mixture of two phase functions, which may be mixtures, of up to four in all; "
-                          "0.6's `mixturephase` becomes such ones"});
+                   .doc = "scattering by particles much smaller than the wavelength, without polarization"});
+  table.push_back(
+      {.category = "phase",
+       .name = "blendphase",
+       .properties =
+           {{.name = "weight",
+             .types = {number},
+             .required = true,
+             .doc = "weight of the second; the first has the rest; a number, or a constvolume of this name",
+             .minimum = 0,
+             .maximum = 1}},
+       .child_categories = {"phase"},
+       .doc = "a mixture of two phase functions, which may be mixtures, of up to four in all; 0.6's "
+              "`mixturephase` is read as such"});
   table.push_back({.category = "volume",
                    .name = "constvolume",
                    .properties = {{.name = "value", .types = {rgb}, .doc = "(default 1)", .minimum = 0},

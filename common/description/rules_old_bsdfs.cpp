@@ -4,25 +4,26 @@
 namespace candela::description::rules {
 
 void add_old_bsdfs(std::vector<PluginRule>& table) {
-  const PropertyRule thickness = {.name = "thickness",
-                                  .types = {number},
-                                  .doc = "of the layer, in the unit of the coefficients (default 1)",
-                                  .minimum = 0};
+  const PropertyRule thickness = {
+      .name = "thickness",
+      .types = {number},
+      .doc = "thickness of the layer, in the unit of the coefficients (default 1)",
+      .minimum = 0};
   const auto coefficient = [](std::string_view name, std::string_view doc) {
     return textured(non_negative_rgb(name, doc));
   };
-  table.push_back({.category = "bsdf",
-                   .name = "roughdiffuse",
-                   .properties = {reflectance("reflectance", "albedo of the facets (default 0.5)"),
-                                  textured({.name = "alpha",
-                                            .types = {number},
-                                            .doc = "root mean square slope of the facets (default 0.2)",
-                                            .minimum = 0}),
-                                  flag("use_fast_approx",
-                                       "leave light between facets out, as the short form of the model does "
-                                       "(default false)")},
-                   .child_categories = {},
-                   .doc = "0.6's model of Oren and Nayar 1994, one-sided"});
+  table.push_back(
+      {.category = "bsdf",
+       .name = "roughdiffuse",
+       .properties = {reflectance("reflectance", "albedo of the facets (default 0.5)"),
+                      textured({.name = "alpha",
+                                .types = {number},
+                                .doc = "root mean square slope of the facets (default 0.2)",
+                                .minimum = 0}),
+                      flag("use_fast_approx",
+                           "leaves out light between facets: the short form of the model (default false)")},
+       .child_categories = {},
+       .doc = "0.6's model of Oren and Nayar 1994, one-sided"});
   table.push_back({.category = "bsdf",
                    .name = "difftrans",
                    .properties = {reflectance("transmittance", "fraction that passes (default 0.5)"),
@@ -40,11 +41,10 @@ void add_old_bsdfs(std::vector<PluginRule>& table) {
                       reflectance("albedo", "with sigma_t: the part that is scattered (default 0.75)"),
                       thickness},
        .child_categories = {"phase"},
-       .doc =
-           "0.6's thin layer after Hanrahan and Krueger 1993: light scattered once, and what passes straight "
-           "on",
-       .differs = "0.6 multiplies scattered light by the cosine of the viewer's direction once more, so that "
-                  "its layer is darker and not reciprocal"});
+       .doc = "0.6's thin layer after Hanrahan and Krueger 1993: light scattered once, and light that passes "
+              "straight on",
+       .differs = "0.6 multiplies scattered light by the cosine of the viewer's direction again: its layer "
+                  "is darker and not reciprocal"});
   const std::vector<PropertyRule> layer = {
       {.name = "int_ior",
        .types = {number, string},
@@ -66,21 +66,19 @@ void add_old_bsdfs(std::vector<PluginRule>& table) {
                          .doc = "microfacet distribution (default beckmann)"});
   rough_layer.push_back(positive("alpha", "roughness of the layer (default 0.1)"));
   rough_layer.push_back(
-      flag("sample_visible", "sample visible normals only: noise, not the mean (default true)"));
-  table.push_back(
-      {.category = "bsdf",
-       .name = "roughcoating",
-       .properties = std::move(rough_layer),
-       .child_categories = {"bsdf"},
-       .doc = "0.6's rough layer on one bsdf that lets no light through; light is refracted as by a smooth "
-              "layer, and what the layer reflects back down is lost, as in 0.6"});
+      flag("sample_visible", "samples visible normals only; changes only noise (default true)"));
+  table.push_back({.category = "bsdf",
+                   .name = "roughcoating",
+                   .properties = std::move(rough_layer),
+                   .child_categories = {"bsdf"},
+                   .doc = "0.6's rough layer on one opaque bsdf; light is refracted as by a smooth layer, "
+                          "and light that the layer reflects back down is lost"});
   table.push_back(
       {.category = "bsdf",
        .name = "coating",
        .properties = layer,
        .child_categories = {"bsdf"},
-       .doc = "0.6's smooth layer on one bsdf that lets no light through; light that the layer reflects back "
-              "down is lost, as in 0.6"});
+       .doc = "0.6's smooth layer on one opaque bsdf; light that the layer reflects back down is lost"});
 }
 
 }  // namespace candela::description::rules

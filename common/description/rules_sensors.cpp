@@ -20,25 +20,23 @@ void add_samplers(std::vector<PluginRule>& table) {
     table.push_back(
         {.category = "sampler",
          .name = name,
-         .properties =
-             {{.name = "sample_count",
-               .types = {integer},
-               .doc = "samples, or mutations, a pixel: the job's --spp where no limit is given (default 4)",
-               .minimum = 1,
-               .maximum = 1099511627776.0},
-              [] {
-                PropertyRule rule = ignored("seed", {integer}, "the seed belongs to the job: --seed");
-                rule.minimum = 0;
-                return rule;
-              }(),
-              ignored("jitter", {boolean}, "the kind of sampler belongs to the job: --sampler"),
-              ignored("dimension", {integer}, "0.6: the kind of sampler belongs to the job: --sampler"),
-              ignored("scramble", {integer}, "0.6: the kind of sampler belongs to the job: --sampler"),
-              ignored("strength", {integer}, "the kind of sampler belongs to the job: --sampler")},
+         .properties = {{.name = "sample_count",
+                         .types = {integer},
+                         .doc =
+                             "samples, or mutations, per pixel: --spp of a job without a limit (default 4)",
+                         .minimum = 1,
+                         .maximum = 1099511627776.0},
+                        [] {
+                          PropertyRule rule = ignored("seed", {integer}, "use --seed");
+                          rule.minimum = 0;
+                          return rule;
+                        }(),
+                        ignored("jitter", {boolean}, "use --sampler"),
+                        ignored("dimension", {integer}, "0.6: use --sampler"),
+                        ignored("scramble", {integer}, "0.6: use --sampler"),
+                        ignored("strength", {integer}, "use --sampler")},
          .child_categories = {},
-         .doc = "accepted for its sample_count; the kind of sampler belongs to the job (--sampler): noise "
-                "only, the "
-                "mean is the same"});
+         .doc = "accepted for its sample_count; --sampler chooses the kind; changes only noise"});
 }
 
 void add_films(std::vector<PluginRule>& table) {
@@ -69,12 +67,12 @@ void add_films(std::vector<PluginRule>& table) {
             .maximum = most},
            {.name = "crop_width",
             .types = {integer},
-            .doc = "its width, which is the image's (default: the film's)",
+            .doc = "width of that part, and of the image (default: the film's)",
             .minimum = 1,
             .maximum = most},
            {.name = "crop_height",
             .types = {integer},
-            .doc = "its height, which is the image's (default: the film's)",
+            .doc = "height of that part, and of the image (default: the film's)",
             .minimum = 1,
             .maximum = most},
            ignored("file_format", {string}, "the output's name decides: .exr or .png"),
@@ -97,8 +95,8 @@ void add_films(std::vector<PluginRule>& table) {
            ignored("attach_log", {boolean}, "0.6: images carry their own metadata"),
            ignored("high_quality_edges", {boolean}, "0.6: filters are sampled, so edges need no border")},
        .child_categories = {"rfilter"},
-       .doc = "the image's size and its reconstruction filter (default filter gaussian); 0.6's ldrfilm "
-              "and mfilm are read as this, without tone mapping and as images"});
+       .doc = "size and reconstruction filter (default gaussian) of the image; 0.6's ldrfilm and mfilm are "
+              "read as this, without tone mapping"});
 }
 
 void add_filters(std::vector<PluginRule>& table) {
@@ -123,15 +121,14 @@ void add_filters(std::vector<PluginRule>& table) {
   const auto spline = [](std::string_view name, std::string_view doc) {
     return PropertyRule{.name = name, .types = {number}, .doc = doc, .minimum = -8, .maximum = 8};
   };
-  table.push_back(
-      {.category = "rfilter",
-       .name = "mitchell",
-       .properties = {spline("B",
-                             "B of Mitchell and Netravali's paper (default 1/3). Mitsuba's program reads B "
-                             "and C, whatever its page calls them"),
-                      spline("C", "C of the paper (default 1/3)")},
-       .child_categories = {},
-       .doc = "cubic spline; a compromise between sharpness and ringing"});
+  table.push_back({.category = "rfilter",
+                   .name = "mitchell",
+                   .properties = {spline("B",
+                                         "B of Mitchell and Netravali's paper (default 1/3). Mitsuba's "
+                                         "program reads B and C too, against its manual"),
+                                  spline("C", "C of the paper (default 1/3)")},
+                   .child_categories = {},
+                   .doc = "cubic spline; a compromise between sharpness and ringing"});
   table.push_back({.category = "rfilter",
                    .name = "catmullrom",
                    .properties = {},
@@ -141,7 +138,7 @@ void add_filters(std::vector<PluginRule>& table) {
                    .name = "lanczos",
                    .properties = {{.name = "lobes",
                                    .types = {integer},
-                                   .doc = "side lobes, which is the radius in pixels (default 3)",
+                                   .doc = "side lobes: the radius in pixels (default 3)",
                                    .minimum = 1,
                                    .maximum = 32}},
                    .child_categories = {},
@@ -176,13 +173,13 @@ std::string_view max_depth_doc() {
 
 std::string_view hide_emitters_doc() {
   static const std::string doc =
-      fmt::format("directly visible emitters are left out (default {})", words::kHideEmitters.default_value);
+      fmt::format("hides directly visible emitters (default {})", words::kHideEmitters.default_value);
   return doc;
 }
 
 std::string_view alpha_doc() {
   static const std::string doc =
-      fmt::format("how fast radii shrink: their squares as i^(alpha - 1) (default {}; vcm {}, vcmplus {})",
+      fmt::format("squared radii shrink as i^(alpha - 1) (default {}; vcm {}, vcmplus {})",
                   words::kPpm.alpha.text, words::kVcm.alpha.text, words::kVcmplus.alpha.text);
   return doc;
 }
@@ -196,11 +193,10 @@ PluginRule integrator_rule(const words::IntegratorWords& integrator, std::vector
       rule_of(words::kRrDepth,
               "path depth from which Russian roulette may end a path (default: see the integrator)"),
       flag(words::kHideEmitters.name, hide_emitters_doc()),
-      ignored("samples_per_pass", {integer}, "the farm cuts work into units itself"),
-      ignored("block_size", {integer}, "the farm cuts work into units itself"),
-      ignored("timeout", {number, integer}, "a stop rule belongs to the job: --time"),
-      flag("strict_normals",
-           "no light passes by shading normals to the geometric normal's other side (default false)")};
+      ignored("samples_per_pass", {integer}, "the farm cuts units"),
+      ignored("block_size", {integer}, "the farm cuts units"),
+      ignored("timeout", {number, integer}, "use --time"),
+      flag("strict_normals", "no light crosses the surface by shading normals alone (default false)")};
   if (!integrator.alpha.text.empty()) rules.push_back(rule_of(words::kAlpha, alpha_doc()));
   rules.insert(rules.end(), std::make_move_iterator(own.begin()), std::make_move_iterator(own.end()));
   return {.category = "integrator",
@@ -220,7 +216,7 @@ void add_integrators(std::vector<PluginRule>& table) {
       "the names `volpath`, `volpathmis` and `volpath_simple` mean this one"));
   table.push_back(integrator_rule(words::kLight,
                                   {ignored("brute_force", {boolean}, "0.6: connections are always made"),
-                                   ignored("granularity", {integer}, "the farm cuts work into units itself")},
+                                   ignored("granularity", {integer}, "the farm cuts units")},
                                   "light tracing; the name `ptracer` means this one"));
   table.push_back(
       integrator_rule(words::kBdpt,
@@ -231,8 +227,8 @@ void add_integrators(std::vector<PluginRule>& table) {
       words::kPpm,
       {ignored("photon_count", {integer}, "light paths follow the film: --set light_paths"),
        ignored("initial_radius", {number}, "the first radius follows the scene: --set radius"),
-       ignored("granularity", {integer}, "the farm cuts work into units itself"),
-       ignored("max_passes", {integer}, "a stop rule belongs to the job: --iterations")},
+       ignored("granularity", {integer}, "the farm cuts units"),
+       ignored("max_passes", {integer}, "use --iterations")},
       "stochastic progressive photon mapping; the name `sppm` means this one"));
   table.push_back(integrator_rule(words::kBpm, {}, "bidirectional photon mapping"));
   table.push_back(integrator_rule(words::kVcm, {}, "vertex connection and merging"));
@@ -248,7 +244,7 @@ void add_integrators(std::vector<PluginRule>& table) {
       integrator_rule(words::kVcmplus, {}, "vertex connection and merging with radii by F tests"));
   table.push_back(
       integrator_rule(words::kMcppm, {}, "photon mapping with Metropolis chains of visible photons"));
-  const std::string_view their_own = "chains have settings of their own: --set";
+  const std::string_view their_own = "use --set";
   const std::vector<PropertyRule> chains = {ignored("luminance_samples", {integer}, their_own),
                                             ignored("direct_samples", {integer}, their_own),
                                             ignored("p_large", {number}, their_own),
@@ -290,7 +286,7 @@ std::vector<PropertyRule> sensor_properties(PropertyRule to_world) {
 std::vector<PropertyRule> perspective_properties() {
   std::vector<PropertyRule> rules =
       sensor_properties(to_world("camera to world; the camera looks along +z, +y is up, +x to the left"));
-  for (PropertyRule& rule : field_of_view("the image axis fov spans (default x)")) rules.push_back(rule);
+  for (PropertyRule& rule : field_of_view("image axis of fov (default x)")) rules.push_back(rule);
   rules.push_back({.name = "principal_point_offset_x",
                    .types = {number},
                    .doc = "offset of the principal point in image widths (default 0)"});
@@ -323,8 +319,8 @@ void add_sensors(std::vector<PluginRule>& table) {
                    .properties = std::move(lens),
                    .child_categories = {"film", "sampler", "medium"},
                    .doc = "perspective camera with a thin lens: depth of field"});
-  std::vector<PropertyRule> parallel = sensor_properties(
-      to_world("camera to world; the image spans [-1, 1] along x, which a scale here changes"));
+  std::vector<PropertyRule> parallel =
+      sensor_properties(to_world("camera to world; the image spans [-1, 1] along x, times the scale"));
   parallel.push_back(ignored("focus_distance", {number}, "parallel rays have no focus"));
   table.push_back({.category = "sensor",
                    .name = "orthographic",
@@ -334,7 +330,7 @@ void add_sensors(std::vector<PluginRule>& table) {
   table.push_back(
       {.category = "sensor",
        .name = "irradiancemeter",
-       .properties = {ignored("srf", {rgb}, "colors are weighed as in all images"),
+       .properties = {ignored("srf", {rgb}, "colors are weighted as in all images"),
                       ignored("shutter_open", {number}, "nothing moves"),
                       ignored("shutter_close", {number}, "nothing moves")},
        .child_categories = {"film", "sampler", "medium"},
@@ -351,12 +347,12 @@ void add_sensors(std::vector<PluginRule>& table) {
            {to_world("the rays go along its +z (default identity)"),
             {.name = "direction",
              .types = {vector},
-             .doc = "of the rays in the scene, in the place of to_world"},
+             .doc = "direction of the rays in the world, in place of to_world"},
             {.name = "target",
              .types = {point},
              .doc = "the rays pass this point, or a <shape> of this name, a rectangle or a disk, which "
                     "is not in the scene (default: a disk across the rays that covers the scene)"},
-            ignored("srf", {rgb}, "colors are weighed as in all images"),
+            ignored("srf", {rgb}, "colors are weighted as in all images"),
             ignored("shutter_open", {number}, "nothing moves"),
             ignored("shutter_close", {number}, "nothing moves")},
        .child_categories = {"film", "sampler", "medium", "shape"},

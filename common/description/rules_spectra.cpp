@@ -19,11 +19,12 @@ void add_spectra(std::vector<PluginRule>& table) {
   table.push_back(
       {.category = "spectrum",
        .name = "uniform",
-       .properties = {{.name = "value", .types = {number}, .required = true, .doc = "of all components"},
-                      unused("wavelength_min"),
-                      unused("wavelength_max")},
+       .properties =
+           {{.name = "value", .types = {number}, .required = true, .doc = "value of all components"},
+            unused("wavelength_min"),
+            unused("wavelength_max")},
        .child_categories = {},
-       .doc = "the same value at all wavelengths, taken for the color v, v, v"});
+       .doc = "the same value v at all wavelengths: the color v, v, v"});
   table.push_back(
       {.category = "spectrum",
        .name = "irregular",
@@ -55,11 +56,11 @@ void add_spectra(std::vector<PluginRule>& table) {
                        .minimum = 0,
                        .maximum = 1e9,
                        .above_minimum = true},
-                      bound("wavelength_min", "nanometers; no light below (default 360)"),
-                      bound("wavelength_max", "nanometers; no light above (default 830)")},
+                      bound("wavelength_min", "first wavelength with light, in nanometers (default 360)"),
+                      bound("wavelength_max", "last wavelength with light, in nanometers (default 830)")},
        .child_categories = {},
        .doc = "Planck's law in W/(m^2 sr nm), for emitters",
-       .differs = "Mitsuba has it in its spectral variants alone; the color is the one those show"});
+       .differs = "Mitsuba has it in its spectral variants only; the color is theirs"});
   for (const std::string_view name : {"rgb", "srgb"})
     table.push_back({.category = "spectrum",
                      .name = name,
