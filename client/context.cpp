@@ -151,7 +151,7 @@ void warn_of_scene(std::ostream& err, const LoadedScene& scene) {
     err << fmt::format("candela: note: {}: {}\n", place(other->where), other->text);
   if (const auto& chosen = scene.job.default_integrator)
     err << fmt::format("candela: warning: {}: {}\n", place(chosen->where), chosen->text);
-  // What was passed over is among the differences; the same of many objects is told once.
+  // Ignored parameters are among the differences; a finding of many objects is printed once.
   std::vector<description::Finding> findings = description::review(scene.gathered.description).findings;
   std::erase_if(findings, [](const description::Finding& finding) { return !is_warning(finding.kind); });
   for (std::size_t i = 0; i < findings.size() && i < most_lines; ++i) {

@@ -56,7 +56,7 @@ struct BidirectionalConfig {
   using Choice = EveryTechnique;
 };
 
-// What kernels with edits that select by more of the path than the vertex know of both subpaths
+// Both subpaths for kernels with edits that select by more of the path than the vertex
 // (scene/bsdfs/path_edited.h).
 template <bool kEdits>
 struct EditedSubpaths {

@@ -49,7 +49,7 @@ std::vector<IntegratorEntry> product_integrators() {
 
 namespace {
 
-// Those of jobs of `candela inspect`: nobody chooses one for an image, so that they stand in no list.
+// Integrators of jobs of `candela inspect`. They are in no list: they render no image.
 const std::vector<IntegratorEntry>& tool_integrators() {
   static const std::vector<IntegratorEntry> entries = {
       integrator_entry<SphereSettings>(tools::kSphere, &make_sphere_integrator),

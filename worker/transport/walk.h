@@ -325,7 +325,7 @@ bool BasicWalk<Config>::leave_surfaces(bool found, SurfaceHit& hit) {
   return found;
 }
 
-// What weights need to know of an edge that ends at v.
+// Adds the numbers of an edge that ends at v, which weights need.
 template <class Config>
 void BasicWalk<Config>::arrive(Vertex& v) {
   if constexpr (Mis::kWeighs) {

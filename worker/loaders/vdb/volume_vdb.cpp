@@ -1,6 +1,6 @@
-// What is ours: a walk over the file to the grid that is asked for and through its tree, which bounds every
-// length written there, and the way from a sparse grid to a dense one. What is OpenVDB's: reading that grid,
-// from a stream that throws where it ends.
+// Our code walks over the file to the wanted grid and through its tree, bounds every length written there,
+// and makes a dense grid of the sparse one. OpenVDB reads the grid, from a stream that throws at its end.
+//
 #include "worker/loaders/vdb/volume_vdb.h"
 #include "common/base/work_monitor.h"
 

@@ -1,9 +1,9 @@
 // Manifold exploration [Jakob 2012, Sec. 5; half-vector note, section 14].
 //
-// Of three vertices a, b, c of the path, with none but specular ones between them, a and c stay. The
-// direction at a is turned, and a ray from there makes the path anew up to b. The specular vertices between
-// b and c walk to where the laws of reflection and refraction hold again, and have to walk back from there to
-// where they were; the mutation fails if they do not.
+// Let a, b, c be three vertices of the path, with only specular vertices between them; a and c stay. The
+// direction at a is turned, and a ray from there makes a new path up to b. The specular vertices between
+// b and c walk to points that obey the laws of reflection and refraction, and must walk back from there to
+// their old points; otherwise the mutation fails.
 //
 //   T = P(a, b, c | X) p(direction at a) prod (cosine / length^2 from a to b) |J| prod |d omega / d c_i|
 //

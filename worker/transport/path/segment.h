@@ -44,7 +44,7 @@ Path with_segment(const Path& path, const Segment& segment, const manifold::Chai
 // there.
 bool set_end_surface(const scene::Scene& scene, const scene::CanonicalPoint& point, manifold::ChainVertex& v);
 
-// What rays of a segment's walk meet. A surface of another bsdf is passed if light passes it straight.
+// Surfaces for the rays of a segment's walk. A null surface of another bsdf is passed.
 class SceneSurfaces final : public manifold::Surfaces {
  public:
   // All must outlive this. rays: counts them; null: nobody does.
