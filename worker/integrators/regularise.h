@@ -61,7 +61,7 @@ class ChainRegularization {
       : regularization_(regularization), geometric_(geometric) {}
 
   bool runs() const { return regularization_.runs(); }
-  // Bandwidth of the segment that begins with this mutation of its chain. The bootstrap has that of mutation 0.
+  // Bandwidth of a segment whose first mutation this is. The bootstrap has that of mutation 0.
   double bandwidth(std::uint64_t mutation) const;
 
  private:

@@ -1,4 +1,4 @@
-// Common parts of integrators of Markov chains: bootstrap, segments over threads, direct light by path tracing.
+// Common parts of integrators of Markov chains: bootstrap, segments over threads, direct light.
 // Each brings the state space that its chains walk over.
 #pragma once
 
@@ -57,8 +57,8 @@ class ChainIntegrator : public Integrator {
   Planned direct_;
 };
 
-// Decides the paths that the chains mollify, and adds a line to the plan. Fails (usage) if the other settings, or
-// the job's layers, exclude it.
+// Decides which paths the chains mollify, and adds a line to the plan. Fails (usage) if the other settings,
+// or the job's layers, exclude it.
 Result<ChainRegularization> chain_regularization(const ChainRegulariseSettings& settings,
                                                  const ChainSettings& chains,
                                                  const scene::SceneFeatures& features,
