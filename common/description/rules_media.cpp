@@ -78,32 +78,27 @@ void add_media(std::vector<PluginRule>& table) {
        .name = "gridvolume",
        .properties =
            {file("Mitsuba's .vol file, version 3: float32, float16 or uint8 (0 to 255 is 0 to 1), 1 or 3 "
-                 "channels; or, where Candela was built with OpenVDB (on every machine that renders), a .vdb "
-                 "file: a grid of floats or doubles (1 channel) or float vectors (3), as halves too; the box "
-                 "around its active voxels is the grid, 2^30 values at most, and what is not active in it "
-                 "has the "
-                 "background value. Candela checks the lengths in a .vdb file, then OpenVDB parses it, which "
-                 "is not made for files of strangers: trust it less than a .vol. Or a .nvdb file of NanoVDB "
-                 "32 with grids of floats, plain or ZIP: read as a .vdb file"),
+                 "channels; or, if all machines have OpenVDB, a .vdb file: a grid of floats, doubles, halves "
+                 "(1 channel) or vectors (3), in the box around its active voxels, at most 2^30 values, with "
+                 "the background value elsewhere; or a .nvdb file of NanoVDB 32 with grids of floats, plain "
+                 "or ZIP. OpenVDB is not made for files of strangers: trust a .vdb file less than a .vol"),
             {.name = "grid",
              .types = {string},
-             .doc =
-                 "Candela's addition: the name of the grid in a .vdb file (default: the only grid, or else "
-                 "the one named density) or a .nvdb file (default: the first)"},
+             .doc = "Candela's addition: name of the grid in a .vdb file (default: the only one, or density) "
+                    "or a .nvdb file (default: the first)"},
             to_local("places the unit cube [0, 1]^3 that the grid fills (default identity)"),
             flag("use_grid_bbox",
-                 "the grid fills the file's bounding box, before to_world (default false); a .vdb file's box "
-                 "reaches half a voxel beyond the indices of its outermost active voxels, through the grid's "
-                 "own transform, which may scale and move but not turn, shear or mirror"),
+                 "the grid fills the file's bounding box, before to_world (default false); that of a .vdb "
+                 "file reaches half a voxel beyond its outermost active voxels; its transform may only scale "
+                 "and move"),
             {.name = "offset",
              .types = {integer},
-             .doc = "Candela's addition: where the MakeNamedMedium directive of the grid begins in a file of "
-                    "a pbrt "
-                    "scene, in bytes",
+             .doc = "Candela's addition: start of the MakeNamedMedium directive in a file of a pbrt scene, "
+                    "in bytes",
              .minimum = 0},
             {.name = "factor",
              .types = {rgb},
-             .doc = "Candela's addition: values are multiplied by it (default 1)",
+             .doc = "Candela's addition: factor of the values (default 1)",
              .minimum = 0},
             {.name = "filter_type",
              .types = {string},

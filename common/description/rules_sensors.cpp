@@ -44,56 +44,56 @@ void add_films(std::vector<PluginRule>& table) {
   table.push_back(
       {.category = "film",
        .name = "hdrfilm",
-       .properties = {
-           {.name = "width",
-            .types = {integer},
-            .doc = "pixels (default 768)",
-            .minimum = 1,
-            .maximum = most},
-           {.name = "height",
-            .types = {integer},
-            .doc = "pixels (default 576)",
-            .minimum = 1,
-            .maximum = most},
-           {.name = "crop_offset_x",
-            .types = {integer},
-            .doc = "left edge in pixels of the part of the film that is rendered (default 0)",
-            .minimum = 0,
-            .maximum = most},
-           {.name = "crop_offset_y",
-            .types = {integer},
-            .doc = "top edge of that part (default 0)",
-            .minimum = 0,
-            .maximum = most},
-           {.name = "crop_width",
-            .types = {integer},
-            .doc = "width of that part, and of the image (default: the film's)",
-            .minimum = 1,
-            .maximum = most},
-           {.name = "crop_height",
-            .types = {integer},
-            .doc = "height of that part, and of the image (default: the film's)",
-            .minimum = 1,
-            .maximum = most},
-           ignored("file_format", {string}, "the output's name decides: .exr or .png"),
-           [] {
-             PropertyRule rule = ignored("pixel_format", {string}, "images are linear Rec.709 RGB");
-             rule.differs = "images have the channels R, G and B: no alpha, no luminance alone";
-             rule.differs_unless = "rgb";
-             return rule;
-           }(),
-           ignored("component_format", {string}, "images are 32-bit float"),
-           ignored("sample_border", {boolean}, "filters are sampled, so edges need no border"),
-           ignored("compensate", {boolean}, "sums are exact always"),
-           [] {
-             PropertyRule rule = ignored("gamma", {number}, "images are linear");
-             rule.differs = "images are linear whatever the gamma is";
-             rule.differs_unless = "1";
-             return rule;
-           }(),
-           ignored("banner", {boolean}, "0.6: no banner is ever drawn"),
-           ignored("attach_log", {boolean}, "0.6: images carry their own metadata"),
-           ignored("high_quality_edges", {boolean}, "0.6: filters are sampled, so edges need no border")},
+       .properties = {{.name = "width",
+                       .types = {integer},
+                       .doc = "pixels (default 768)",
+                       .minimum = 1,
+                       .maximum = most},
+                      {.name = "height",
+                       .types = {integer},
+                       .doc = "pixels (default 576)",
+                       .minimum = 1,
+                       .maximum = most},
+                      {.name = "crop_offset_x",
+                       .types = {integer},
+                       .doc = "left edge in pixels of the part of the film that is rendered (default 0)",
+                       .minimum = 0,
+                       .maximum = most},
+                      {.name = "crop_offset_y",
+                       .types = {integer},
+                       .doc = "top edge of that part (default 0)",
+                       .minimum = 0,
+                       .maximum = most},
+                      {.name = "crop_width",
+                       .types = {integer},
+                       .doc = "width of that part, and of the image (default: the film's)",
+                       .minimum = 1,
+                       .maximum = most},
+                      {.name = "crop_height",
+                       .types = {integer},
+                       .doc = "height of that part, and of the image (default: the film's)",
+                       .minimum = 1,
+                       .maximum = most},
+                      ignored("file_format", {string}, "the name of the output decides"),
+                      [] {
+                        PropertyRule rule =
+                            ignored("pixel_format", {string}, "images are linear Rec.709 RGB");
+                        rule.differs = "images have the channels R, G and B: no alpha, no luminance alone";
+                        rule.differs_unless = "rgb";
+                        return rule;
+                      }(),
+                      ignored("component_format", {string}, "images are 32-bit float"),
+                      ignored("sample_border", {boolean}, "filters are sampled"),
+                      ignored("compensate", {boolean}, "sums are exact"),
+                      [] {
+                        PropertyRule rule = ignored("gamma", {number}, "images are linear");
+                        rule.differs = "images are linear whatever the gamma is";
+                        rule.differs_unless = "1";
+                        return rule;
+                      }(),
+                      ignored("banner", {boolean}, "0.6: no banner is drawn"),
+                      ignored("attach_log", {boolean}, "0.6: images have metadata"),
+                      ignored("high_quality_edges", {boolean}, "0.6: filters are sampled")},
        .child_categories = {"rfilter"},
        .doc = "size and reconstruction filter (default gaussian) of the image; 0.6's ldrfilm and mfilm are "
               "read as this, without tone mapping"});
@@ -327,19 +327,16 @@ void add_sensors(std::vector<PluginRule>& table) {
                    .properties = std::move(parallel),
                    .child_categories = {"film", "sampler", "medium"},
                    .doc = "camera of parallel rays"});
-  table.push_back(
-      {.category = "sensor",
-       .name = "irradiancemeter",
-       .properties = {ignored("srf", {rgb}, "colors are weighted as in all images"),
-                      ignored("shutter_open", {number}, "nothing moves"),
-                      ignored("shutter_close", {number}, "nothing moves")},
-       .child_categories = {"film", "sampler", "medium"},
-       .doc =
-           "irradiance, the power per area that arrives at the front of the shape that it is in: a sphere, "
-           "disk, cylinder, rectangle or mesh; a film of more than one pixel is mapped onto "
-           "the shape such that pixels have equal areas (over a mesh: triangles from top to bottom); its "
-           "filter is a box. As in Mitsuba's "
-           "path tracer, a point, spot, directional light or projector is not seen straight from it"});
+  table.push_back({.category = "sensor",
+                   .name = "irradiancemeter",
+                   .properties = {ignored("srf", {rgb}, "colors are weighted as in all images"),
+                                  ignored("shutter_open", {number}, "nothing moves"),
+                                  ignored("shutter_close", {number}, "nothing moves")},
+                   .child_categories = {"film", "sampler", "medium"},
+                   .doc = "irradiance at the front of its shape: a sphere, disk, cylinder, rectangle or "
+                          "mesh; pixels have equal areas on the shape (on a mesh: triangles from top to "
+                          "bottom); the filter is a box. As in Mitsuba's path tracer, it does not see point, "
+                          "spot and directional lights and projectors directly"});
   table.push_back(
       {.category = "sensor",
        .name = "distant",
@@ -350,15 +347,14 @@ void add_sensors(std::vector<PluginRule>& table) {
              .doc = "direction of the rays in the world, in place of to_world"},
             {.name = "target",
              .types = {point},
-             .doc = "the rays pass this point, or a <shape> of this name, a rectangle or a disk, which "
-                    "is not in the scene (default: a disk across the rays that covers the scene)"},
+             .doc = "point that the rays pass, or a <shape> of this name, a rectangle or a disk, which is "
+                    "not in the scene (default: a disk across the rays that covers the scene)"},
             ignored("srf", {rgb}, "colors are weighted as in all images"),
             ignored("shutter_open", {number}, "nothing moves"),
             ignored("shutter_close", {number}, "nothing moves")},
        .child_categories = {"film", "sampler", "medium", "shape"},
-       .doc =
-           "the mean radiance that leaves the scene in one direction, over a target; its film is 1 x 1 and "
-           "its filter a box. Light paths do not find a target that is a point"});
+       .doc = "the mean radiance that leaves the scene in one direction, over a target; the film is 1 x 1, "
+              "the filter a box. Light paths do not find a point as target"});
   add_samplers(table);
   add_films(table);
   add_filters(table);

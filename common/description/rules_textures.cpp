@@ -62,45 +62,45 @@ void add_textures(std::vector<PluginRule>& table) {
                       textured_color("color1", "color of the other squares (default 0.2)"), to_uv},
        .child_categories = {},
        .doc = "two squares by two in [0, 1]^2"});
-  table.push_back({.category = "texture",
-                   .name = "mix",
-                   .properties = {textured(non_negative_rgb("color0", "at an amount of 0 (default 0)")),
-                                  textured(non_negative_rgb("color1", "at an amount of 1 (default 1)")),
-                                  textured({.name = "amount",
-                                            .types = {number},
-                                            .doc = "weight of color1; color0 has the rest (default 0.5)",
-                                            .minimum = 0}),
-                                  {.name = "maximum",
-                                   .types = {number},
-                                   .doc = "larger values become this one (default none)",
-                                   .minimum = 0},
-                                  flag("root", "takes the square root of the result (default false)")},
-                   .child_categories = {},
-                   .doc = "Candela's addition: two textures mixed by an amount that may be one too; values "
-                          "below 0 become 0"});
+  table.push_back(
+      {.category = "texture",
+       .name = "mix",
+       .properties = {textured(non_negative_rgb("color0", "color at an amount of 0 (default 0)")),
+                      textured(non_negative_rgb("color1", "color at an amount of 1 (default 1)")),
+                      textured({.name = "amount",
+                                .types = {number},
+                                .doc = "weight of color1; color0 has the rest (default 0.5)",
+                                .minimum = 0}),
+                      {.name = "maximum",
+                       .types = {number},
+                       .doc = "upper bound of values (default none)",
+                       .minimum = 0},
+                      flag("root", "takes the square root of the result (default false)")},
+       .child_categories = {},
+       .doc =
+           "Candela's addition: two textures mixed by an amount, also a texture; values below 0 become 0"});
   table.push_back(
       {.category = "texture",
        .name = "gridtexture",
-       .properties = {textured_color("color0", "between the lines (default 0.2)"),
-                      textured_color("color1", "color of the lines (default 0.4)"),
-                      {.name = "line_width",
-                       .types = {number},
-                       .doc = "from the middle of a line to its edge, in (u, v) after to_uv (default 0.01)",
-                       .minimum = 0},
-                      to_uv},
+       .properties =
+           {textured_color("color0", "color between the lines (default 0.2)"),
+            textured_color("color1", "color of the lines (default 0.4)"),
+            {.name = "line_width",
+             .types = {number},
+             .doc = "width from the middle of a line to its edge, in (u, v) after to_uv (default 0.01)",
+             .minimum = 0},
+            to_uv},
        .child_categories = {},
        .doc = "0.6: lines where u or v is an integer"});
   table.push_back(
       {.category = "texture",
        .name = "wireframe",
-       .properties = {textured_color("interior_color", "within triangles (default 0.5)"),
+       .properties = {textured_color("interior_color", "color within triangles (default 0.5)"),
                       textured_color("edge_color", "color of their edges (default 0.1)"),
                       {.name = "line_width",
                        .types = {number},
-                       .doc =
-                           "from an edge to where the interior's color begins, in units of the mesh in the "
-                           "scene, within a shapegroup of the group (default 0: a tenth of the mean edge of "
-                           "each mesh)",
+                       .doc = "width from an edge to the interior, in units of the mesh in the scene or its "
+                              "shapegroup (default 0: a tenth of the mean edge of each mesh)",
                        .minimum = 0},
                       {.name = "step_width",
                        .types = {number},
@@ -108,7 +108,7 @@ void add_textures(std::vector<PluginRule>& table) {
                        .minimum = 0,
                        .maximum = 1}},
        .child_categories = {},
-       .doc = "0.6: the edges of the triangles that a surface is made of; other surfaces are interior"});
+       .doc = "0.6: the edges of the triangles of a mesh; other surfaces are interior"});
   table.push_back(
       {.category = "texture",
        .name = "mesh_attribute",
@@ -129,7 +129,7 @@ void add_textures(std::vector<PluginRule>& table) {
                                    .doc = "a <volume> of this name, or a color (default 0.75)",
                                    .minimum = 0}},
                    .child_categories = {"volume"},
-                   .doc = "a volume at the surface's place in the world; as a bump map it is flat"});
+                   .doc = "a volume at the place in the world; as a bump map it is flat"});
   table.push_back({.category = "texture",
                    .name = "rawconstant",
                    .properties = {{.name = "value",
@@ -137,7 +137,7 @@ void add_textures(std::vector<PluginRule>& table) {
                                    .required = true,
                                    .doc = "a number, or three of them as linear Rec.709; not negative"}},
                    .child_categories = {},
-                   .doc = "the same value everywhere, as it is given"});
+                   .doc = "the same value everywhere"});
   table.push_back({.category = "texture",
                    .name = "scale",
                    .properties = {non_negative_rgb("scale", "the factor (default 1)")},
