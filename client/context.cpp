@@ -55,8 +55,7 @@ void add_scene_memory(CLI::App& app, SceneOptions& options) {
 void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
   add_scene_file(app, options);
   add_text(app, "--integrator", options.integrator,
-           "Integrator to use instead of the scene's; parameters that both have keep the scene's values",
-           "NAME");
+           "Integrator to use instead of the scene's, with the scene's values of common parameters", "NAME");
   add_lenient(app, options);
   add_texts(app, "--set", options.sets, "Set a setting of the integrator; may be repeated", "KEY=VALUE");
   if (with_limits) {

@@ -74,8 +74,7 @@ void add_objects(CLI::App& app, Context& context) {
   SceneOptions& scene = options->scene;
   add_scene_file(*sub, scene);
   add_text(*sub, "--integrator", scene.integrator,
-           "Integrator to use instead of the scene's; parameters that both have keep the scene's values",
-           "NAME");
+           "Integrator to use instead of the scene's, with the scene's values of common parameters", "NAME");
   add_lenient(*sub, scene);
   add_scene_memory(*sub, scene);
   sub->add_flag("--json", options->json, "Print JSON");
