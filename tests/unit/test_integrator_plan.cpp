@@ -106,6 +106,15 @@ TEST(IntegratorPlan, NotesLightFoundByLuck) {
     EXPECT_FALSE(missing(plan_of(point + glass, integrator, {{"regularise", "on"}})));
     EXPECT_FALSE(missing(plan_of(point + glass, integrator, {{"max_depth", "1"}})));
   }
+  // A lens with an area, which light paths meet by luck: eye paths do not profit.
+  const std::string lens = "<sensor type='thinlens'><float name='aperture_radius' value='0.1'/></sensor>";
+  for (const char* integrator : {"bdpt", "mmlt"}) {
+    const std::string plan = plan_of(lens + point + matt + glass, integrator);
+    EXPECT_TRUE(luck(plan) && !missing(plan)) << integrator << plan;
+    EXPECT_NE(plan.find("happens to hit the lens"), std::string::npos) << plan;
+    EXPECT_FALSE(missing(plan_of(lens + point + glass, integrator)));
+  }
+  EXPECT_TRUE(missing(plan_of(lens + point + matt + glass, "path")));
   EXPECT_FALSE(missing(plan_of(lamp + glass, "bdpt")));
   EXPECT_TRUE(luck(plan_of(lamp + matt + glass, "path", {{"max_depth", "3"}})));
   EXPECT_FALSE(luck(plan_of(lamp + matt + glass, "path", {{"max_depth", "2"}})));
