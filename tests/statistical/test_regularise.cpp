@@ -132,9 +132,9 @@ TEST(Regularised, ScenesThatArePassedOverStayAsTheyAre) {
         Scene{"rough-glass", "no light is a point or a direction", false},
         Scene{"point", "no surface is specular", false}, Scene{"lens", "the lens has an area", true}}) {
     const TestScene scene = scene_from_transport(one.name, 8, 8);
-    for (const std::string integrator : {"path", "bdpt", "pssmlt", "mmlt", "mlt"}) {
+    for (const std::string integrator : {"path", "bdpt", "pssmlt", "mmlt", "mlt", "erpt"}) {
       SCOPED_TRACE(fmt::format("{} {}", one.name, integrator));
-      const bool chains = integrator != "path" && integrator != "bdpt";
+      const bool chains = integrator.ends_with("mlt");
       const auto with = [&](const char* choice) {
         SettingsMap settings{{"regularise", choice}, {"regularise_layer", "true"}};
         if (chains) settings.insert({{"chains", "4"}, {"bootstrap", "2000"}, {"mutations", "4"}});
@@ -216,7 +216,7 @@ TEST(Regularised, RadiusThatFallsConverges) {
   constexpr std::uint32_t kSide = 24;
   for (const FallingCase& one :
        {FallingCase{"path"}, FallingCase{"bdpt"}, FallingCase{"bdpt", 1e-4}, FallingCase{"bdpt", 1e6},
-        FallingCase{"path", 1e-4}, FallingCase{"bdpt", 1, {3000, -2000, 1000}},
+        FallingCase{"path", 1e-4}, FallingCase{"erpt"}, FallingCase{"bdpt", 1, {3000, -2000, 1000}},
         FallingCase{"path", 1, {3000, -2000, 1000}}, FallingCase{"bdpt", 1, {}, 4}}) {
     SCOPED_TRACE(fmt::format("{} size {} at {} radius {}", one.integrator, one.size, one.moved.x, one.first));
     const test::SceneText text = test::scene_t(60, one.size, one.moved);
@@ -224,11 +224,12 @@ TEST(Regularised, RadiusThatFallsConverges) {
         "<scene version=\"3.0.0\"><integrator type=\"path\"/>" + text.sensor + text.body + "</scene>", 24,
         24);
     const double bound = static_cast<double>(make_renderer(plain)->features()->radius);
-    const TestScene scene = with_integrator(
-        plain, one.integrator,
-        {{"regularise", "on"},
-         {"regularise_radius", fmt::format("{}", std::min(1.0, one.first * one.size / bound))},
-         {"max_depth", "3"}});
+    SettingsMap settings{
+        {"regularise", "on"},
+        {"regularise_radius", fmt::format("{}", std::min(1.0, one.first * one.size / bound))},
+        {"max_depth", "3"}};
+    if (std::string(one.integrator) == "erpt") settings["direct"] = "chain";
+    const TestScene scene = with_integrator(plain, one.integrator, settings);
     Moments mean;
     for (const auto& image : render_batches(scene, 4500, kBatches, kIterations)) {
       double sum = 0;  // over directions: a pixel of the flat film has the solid angle area cos^3

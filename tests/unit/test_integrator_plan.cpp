@@ -15,8 +15,9 @@ namespace {
 std::unique_ptr<Renderer> renderer_of(const std::string& body, const std::string& integrator,
                                       const SettingsMap& chosen) {
   const test::TextFiles files(
-      {{"scene.xml", "<scene version=\"3.0.0\"><integrator type=\"path\"/><sensor type=\"perspective\"/>" +
-                         body + "</scene>"},
+      {{"scene.xml", std::string("<scene version=\"3.0.0\"><integrator type=\"path\"/>") +
+                         (body.starts_with("<sensor") ? "" : "<sensor type=\"perspective\"/>") + body +
+                         "</scene>"},
        {"v.vol", test::volume_file({1, 1, 1}, 1, {1})}});
   JobSettings job;
   job.integrator = integrator;
