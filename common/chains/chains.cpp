@@ -15,6 +15,9 @@ namespace {
 
 constexpr std::uint32_t kMagic = 0x31484343;               // "CCH1"
 constexpr std::uint32_t kMagicWithMutations = 0x32484343;  // "CCH2": counts by mutation behind the state
+// "CCH3": behind the state sums of mollified paths, then a number of mutations that may be 0
+constexpr std::uint32_t kMagicMollified = 0x33484343;
+constexpr std::size_t kMollifiedBytes = 6 * 8;
 
 // Mean of values with sum and sum of squares, and the standard error of that mean.
 Normalisation from_sums(double sum, double square_sum, std::uint64_t samples) {
@@ -28,6 +31,42 @@ Normalisation from_sums(double sum, double square_sum, std::uint64_t samples) {
   const double variance = std::max(0.0, square_sum / n - result.b * result.b);
   result.standard_error = samples > 1 ? std::sqrt(variance / (n - 1)) : result.b;
   return result;
+}
+
+// Of one large step: its part that is mollified, and its regular part.
+struct MollifiedSums {
+  double steps = 0, chains = 0;
+  double start_share = 0;
+  double mean = 0, variance = 0, regular_mean = 0, regular_variance = 0, covariance = 0;
+};
+// Nothing: no chain mollifies, or none has a large step. A chain of a record without such sums, which older
+// builds made, has regular paths alone.
+std::optional<MollifiedSums> mollified_sums(std::span<const ChainCounts> counts) {
+  MollifiedSums out;
+  double all = 0, all_squares = 0, part = 0, part_squares = 0, products = 0;
+  for (const ChainCounts& c : counts) {
+    if (c.mutations == 0) continue;
+    all += c.large_sum;
+    all_squares += c.large_square_sum;
+    out.steps += static_cast<double>(c.large_steps);
+    if (!c.mollified) continue;
+    out.chains += 1;
+    out.start_share += c.mollified->start_share;
+    part += c.mollified->large_sum;
+    part_squares += c.mollified->large_square_sum;
+    products += c.mollified->large_product_sum;
+  }
+  if (out.chains == 0 || out.steps == 0) return std::nullopt;
+  out.start_share /= out.chains;
+  out.mean = part / out.steps;
+  out.regular_mean = (all - part) / out.steps;
+  // Regular part: the whole without the other one.
+  const auto spread = [&](double square_sum, double product) { return square_sum / out.steps - product; };
+  out.variance = std::max(0.0, spread(part_squares, out.mean * out.mean));
+  out.regular_variance =
+      std::max(0.0, spread(all_squares - 2 * products + part_squares, out.regular_mean * out.regular_mean));
+  out.covariance = spread(products - part_squares, out.mean * out.regular_mean);
+  return out;
 }
 
 void put_f64(std::string& out, double value) {
@@ -68,7 +107,7 @@ Result<void> validate(const ChainPlan& plan) {
 std::string encode(const ChainRecord& record) {
   const ChainCounts& c = record.counts;
   std::string out;
-  film::put_u32(out, c.by_mutation.empty() ? kMagic : kMagicWithMutations);
+  film::put_u32(out, c.mollified ? kMagicMollified : c.by_mutation.empty() ? kMagic : kMagicWithMutations);
   for (const std::uint64_t value : {record.segments, c.mutations, c.accepted, c.large_steps, c.large_accepted,
                                     c.longest_stay, c.present_stay})
     film::put_u64(out, value);
@@ -78,7 +117,14 @@ std::string encode(const ChainRecord& record) {
   film::put_u32(out, std::bit_cast<std::uint32_t>(c.stay_y));
   film::put_u32(out, static_cast<std::uint32_t>(record.state.size()));
   out += record.state;
-  if (c.by_mutation.empty()) return out;
+  if (const auto& m = c.mollified) {
+    for (const double value :
+         {m->start_share, m->large_sum, m->large_square_sum, m->large_product_sum, m->stay_sum})
+      put_f64(out, value);
+    film::put_u64(out, m->lost);
+  } else if (c.by_mutation.empty()) {
+    return out;
+  }
   film::put_u8(out, static_cast<std::uint8_t>(c.by_mutation.size()));
   for (const MutationCounts& m : c.by_mutation) {
     film::put_u8(out, static_cast<std::uint8_t>(m.name.size()));
@@ -113,6 +159,22 @@ std::vector<MutationCounts> read_mutations(film::Reader& reader) {
   }
   if (!reader.ok() || !reader.rest().empty()) return {};
   return out;
+}
+
+MollifiedCounts read_mollified(film::Reader& reader) {
+  MollifiedCounts m;
+  for (double* value : {&m.start_share, &m.large_sum, &m.large_square_sum, &m.large_product_sum, &m.stay_sum})
+    *value = std::bit_cast<double>(reader.u64());
+  m.lost = reader.u64();
+  return m;
+}
+// A part is at most the whole: of each large step, and so of their sums, which are added in the same order.
+bool can_be(const MollifiedCounts& m, const ChainRecord& record) {
+  const ChainCounts& c = record.counts;
+  const auto within = [](double value, double most) { return value >= 0 && value <= most; };
+  return within(m.start_share, 1) && within(m.large_sum, c.large_sum) &&
+         within(m.large_square_sum, c.large_square_sum) && within(m.large_product_sum, c.large_square_sum) &&
+         within(m.stay_sum, static_cast<double>(c.mutations) * (1 + 1e-9)) && m.lost <= record.segments;
 }
 
 // Each proposal is counted once, and each is a mutation of the chain that is no large step.
@@ -154,7 +216,8 @@ Result<ChainRecord> decode(std::string_view bytes) {
   };
   film::Reader reader(bytes);
   const std::uint32_t magic = reader.u32();
-  if (magic != kMagic && magic != kMagicWithMutations) return bad("it does not start as one");
+  if (magic != kMagic && magic != kMagicWithMutations && magic != kMagicMollified)
+    return bad("it does not start as one");
   ChainRecord record;
   ChainCounts& c = record.counts;
   for (std::uint64_t* value : {&record.segments, &c.mutations, &c.accepted, &c.large_steps, &c.large_accepted,
@@ -177,6 +240,12 @@ Result<ChainRecord> decode(std::string_view bytes) {
   record.state = std::string(reader.bytes(length));
   if (magic == kMagic && !reader.rest().empty()) return bad("its length is wrong");
   if (magic == kMagic) return record;
+  if (magic == kMagicMollified) {
+    c.mollified = read_mollified(reader);
+    if (!reader.ok()) return bad("its length is wrong");
+    if (!can_be(*c.mollified, record)) return bad("its sums of mollified paths contradict the others");
+    if (reader.rest() == std::string_view("\0", 1)) return record;
+  }
   c.by_mutation = read_mutations(reader);
   if (c.by_mutation.empty()) return bad("its counts by mutation cannot be read");
   if (!can_be(c)) return bad("its counts by mutation contradict the others");
@@ -184,7 +253,8 @@ Result<ChainRecord> decode(std::string_view bytes) {
 }
 
 std::size_t encoded_bytes(const ChainRecord& record) {
-  std::size_t mutations = record.counts.by_mutation.empty() ? 0 : 1;
+  std::size_t mutations = record.counts.by_mutation.empty() && !record.counts.mollified ? 0 : 1;
+  if (record.counts.mollified) mutations += kMollifiedBytes;
   for (const MutationCounts& m : record.counts.by_mutation) mutations += 1 + m.name.size() + kMutationBytes;
   return 4 + 9 * 8 + 3 * 4 + record.state.size() + mutations;  // magic, counts and sums, stay and length
 }
@@ -287,7 +357,40 @@ Normalisation pool(const BootstrapSums& bootstrap, std::span<const ChainCounts> 
     all.square_sum += c.large_square_sum;
     all.samples += c.large_steps;
   }
-  return from_sums(all.sum, all.square_sum, all.samples);
+  const std::optional<MollifiedSums> parts = mollified_sums(counts);
+  if (!parts) return from_sums(all.sum, all.square_sum, all.samples);
+  // b_reg + b_irr. The radius changes nothing of regular paths: their variance is that of the large steps,
+  // for the bootstrap, too.
+  const auto n = static_cast<double>(bootstrap.samples);
+  const double large = parts->steps, both = n + large, share = parts->start_share;
+  Normalisation result;
+  result.samples = all.samples;
+  const double regular = bootstrap.sum * (1 - share) + parts->regular_mean * large;
+  result.b = regular / both + parts->mean;
+  const double variance =
+                   parts->regular_variance / both + parts->variance / large + 2 * parts->covariance / both,
+               shared = bootstrap.sum / both;
+  result.standard_error =
+      std::sqrt(std::max(0.0, variance) + shared * shared * share * (1 - share) / parts->chains);
+  return result;
+}
+
+std::optional<MollifiedSummary> summarise_mollified(std::span<const ChainCounts> counts) {
+  const std::optional<MollifiedSums> parts = mollified_sums(counts);
+  if (!parts) return std::nullopt;
+  MollifiedSummary out;
+  out.b = parts->mean;
+  out.standard_error = std::sqrt(parts->variance / parts->steps);
+  double squares = 0;
+  for (const ChainCounts& c : counts) {
+    if (!c.mollified || c.mutations == 0) continue;
+    const double share = c.mollified->stay_sum / static_cast<double>(c.mutations);
+    out.share += share / parts->chains;
+    squares += share * share / parts->chains;
+    out.lost += c.mollified->lost;
+  }
+  out.share_spread = std::sqrt(std::max(0.0, squares - out.share * out.share));
+  return out;
 }
 
 film::Development development(double bootstrap_b, const Normalisation& normalisation) {

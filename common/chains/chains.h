@@ -77,6 +77,17 @@ inline constexpr std::size_t kMaxMutations = 16, kMaxMutationName = 32;
 // Adds counts by name; names that `sums` does not have come behind those that it has.
 void add(std::vector<MutationCounts>& sums, std::span<const MutationCounts> counts);
 
+// Sums over a chain whose paths are partly mollified: of the part of the scalar contribution that such paths
+// have. Its mean changes with the radius, so that samples of other radii than the image's know nothing of it.
+struct MollifiedCounts {
+  double start_share = 0;  // this part of the bootstrap sample that the chain started from, of [0, 1]
+  double large_sum = 0, large_square_sum = 0;  // of all proposed large steps
+  double large_product_sum = 0;                // of this part times the whole
+  double stay_sum = 0;                         // of all mutations: this part of the next state, of [0, 1]
+  std::uint64_t lost = 0;  // segments that began at a state without light: it fell out of its cone
+  bool operator==(const MollifiedCounts&) const = default;
+};
+
 // All that a chain did since its start. Sums are of one chain, in its own order: whoever adds those of all
 // chains in the order of their numbers gets the same doubles.
 struct ChainCounts {
@@ -85,8 +96,9 @@ struct ChainCounts {
   double large_sum = 0, large_square_sum = 0;  // of the scalar contribution of all proposed large steps
   std::uint64_t longest_stay = 0;              // mutations in a row that left the chain where it was
   std::uint64_t present_stay = 0;
-  float stay_x = 0, stay_y = 0;               // pixel of the longest stay
-  std::vector<MutationCounts> by_mutation{};  // large steps are none; empty if the renderer does not tell
+  float stay_x = 0, stay_y = 0;                // pixel of the longest stay
+  std::vector<MutationCounts> by_mutation{};   // large steps are none; empty if the renderer does not tell
+  std::optional<MollifiedCounts> mollified{};  // nothing: it mollifies nothing
   bool operator==(const ChainCounts&) const = default;
 };
 
@@ -163,6 +175,11 @@ int film_scale_log2(double b0, int pilot_scale_log2);
 
 // b from the bootstrap and all large steps so far: the mean over all samples, each of which is an independent
 // estimate, with its standard error from the sums of squares. `counts` in the order of chains.
+//
+// Chains that mollify have b = b_reg + b_irr [regularisation note, section 9]: b_reg, of paths that
+// techniques can sample, is the mean over all samples; b_irr is that over the large steps alone, whose radii
+// are the film's. The bootstrap's sum is shared out by the starts, which are drawn in proportion to the
+// contribution: their mean share has the mean that the bootstrap has.
 Normalisation pool(const BootstrapTable& bootstrap, std::span<const ChainCounts> counts);
 Normalisation pool(const BootstrapSums& bootstrap, std::span<const ChainCounts> counts);
 
@@ -177,6 +194,13 @@ Result<std::vector<std::uint64_t>> segments_in(const film::IndexSet& merged, std
 // Status of a job's chains, for people: b, and the counts of groups of chains (chain c is in group c modulo
 // the number of groups; even groups are of half 0). A group's stay is its chains' longest.
 inline constexpr std::size_t kGroups = 16;
+struct MollifiedSummary {
+  double b = 0, standard_error = 0;    // b_irr
+  double share = 0, share_spread = 0;  // of the chains' states: the mean, and the deviation of one chain
+  std::uint64_t lost = 0;
+};
+// Nothing: no chain mollifies, or none has a large step.
+std::optional<MollifiedSummary> summarise_mollified(std::span<const ChainCounts> counts);
 struct Summary {
   Normalisation normalisation;
   std::array<ChainCounts, kGroups> groups;

@@ -90,6 +90,13 @@ void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot, Which
   m["candela:b"] = fmt::format("{}", summary.normalisation.b);
   m["candela:b_standard_error"] = fmt::format("{:.6g}", summary.normalisation.standard_error);
   m["candela:b_samples"] = std::to_string(summary.normalisation.samples);
+  if (const auto mollified = chains::summarise_mollified(snapshot.counts)) {
+    m["candela:b_mollified"] = fmt::format("{}", mollified->b);
+    m["candela:b_mollified_standard_error"] = fmt::format("{:.6g}", mollified->standard_error);
+    m["candela:mollified_share"] = fmt::format("{:.6g}", mollified->share);
+    m["candela:mollified_share_spread"] = fmt::format("{:.6g}", mollified->share_spread);
+    m["candela:lost_states"] = std::to_string(mollified->lost);
+  }
   m["candela:bootstrap_b"] = fmt::format("{}", row.named_state->bootstrap_b);
   m["candela:bootstrap_samples"] = std::to_string(row.chains->bootstrap_samples);
 }

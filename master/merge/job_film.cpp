@@ -45,6 +45,12 @@ Result<void> follows(const chains::ChainRecord& before, const chains::ChainRecor
       b.large_accepted < a.large_accepted || b.longest_stay < a.longest_stay || b.large_sum < a.large_sum ||
       b.large_square_sum < a.large_square_sum)
     return bad("a count has fallen");
+  if (a.mollified && (!b.mollified || b.mollified->start_share != a.mollified->start_share ||
+                      b.mollified->large_sum < a.mollified->large_sum ||
+                      b.mollified->large_square_sum < a.mollified->large_square_sum ||
+                      b.mollified->large_product_sum < a.mollified->large_product_sum ||
+                      b.mollified->stay_sum < a.mollified->stay_sum || b.mollified->lost < a.mollified->lost))
+    return bad("a sum of mollified paths has fallen");
   if (!a.by_mutation.empty() && a.by_mutation.size() != b.by_mutation.size())
     return bad("it has other mutations");
   for (std::size_t i = 0; i < a.by_mutation.size(); ++i) {

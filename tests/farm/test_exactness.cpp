@@ -359,9 +359,9 @@ class Regularised : public testing::TestWithParam<std::string> {};
 TEST_P(Regularised, SamePixelsWithDeaths) {
   const std::string scene = "tests/statistical/transport/bulb-room.xml", &integrator = GetParam();
   const bool chains = test::has_chains(integrator);
-  const std::vector<std::string> options = {
-      "--integrator", integrator,      "--set", "max_depth=5",
-      "--set",        "regularise=on", "--set", "regularise_radius=0.1"};
+  std::vector<std::string> options = {"--integrator", integrator,      "--set", "max_depth=5",
+                                      "--set",        "regularise=on", "--set", "regularise_radius=0.1"};
+  if (integrator == "mlt" || integrator == "erpt") options.insert(options.end(), {"--set", "direct=chain"});
   const std::uint64_t iterations = chains ? 30 : long_form() ? 301 : 101;
   Farm farm;
   farm.start_master({"--unit-time", "0.05", "--checkpoint-interval", "0.05", "--lease-time", "2"});
@@ -382,9 +382,9 @@ TEST_P(Regularised, SamePixelsWithDeaths) {
   EXPECT_NE(picture.rgb, farm.render(iterations, scene, off).rgb);
 }
 INSTANTIATE_TEST_SUITE_P(, Regularised,
-                         testing::ValuesIn(long_form()
-                                               ? std::vector<std::string>{"path", "bdpt", "pssmlt", "mmlt"}
-                                               : std::vector<std::string>{"bdpt"}),
+                         testing::ValuesIn(long_form() ? std::vector<std::string>{"path", "bdpt", "pssmlt",
+                                                                                  "mmlt", "mlt", "erpt"}
+                                                       : std::vector<std::string>{"bdpt"}),
                          [](const auto& one) { return one.param; });
 
 }  // namespace

@@ -63,6 +63,12 @@ class FilmDigest {
       number(count);
     number(counts.large_sum);
     number(counts.large_square_sum);
+    if (const auto& m = counts.mollified) {
+      for (const double value :
+           {m->start_share, m->large_sum, m->large_square_sum, m->large_product_sum, m->stay_sum})
+        number(value);
+      number(m->lost);
+    }
     number(static_cast<double>(counts.stay_x));
     number(static_cast<double>(counts.stay_y));
   }

@@ -10,6 +10,7 @@
 
 #include "tests/proofs/proofs.h"
 #include "tests/regularised_scenes.h"
+#include "tests/statistical/block_tests.h"
 #include "tests/statistical/chain_driver.h"
 #include "tests/statistical/moments.h"
 #include "worker/scene/features.h"
@@ -40,6 +41,10 @@ TEST(RegularisedChains, LampOverTwoMirrors) {
   for (const Method& method :
        {Method{"pssmlt", {}, test::SceneT::kBeforeA},
         Method{"pssmlt", {{"over", "path"}}, test::SceneT::kBeforeB},
+        // Its chains mutate paths, of which the mollified vertex is a part.
+        Method{"mlt",
+               {{"direct", "chain"}, {"bootstrap", "60000"}, {"mutations", "64"}},
+               test::SceneT::kBeforeA},
         // Most states have another length or technique.
         Method{"mmlt", {{"bootstrap", "100000"}, {"mutations", "256"}}, test::SceneT::kBeforeA}}) {
     SettingsMap settings = method.settings;
@@ -70,6 +75,129 @@ TEST(RegularisedChains, LampOverTwoMirrors) {
   }
 }
 
+// Claim: chains over paths show mollified light as bidirectional path tracing does, which knows nothing of
+// the literal formulas and the mutations of mlt: over mirrors and through glass from either side, of lamps,
+// of directions and beside regular light, at one radius.
+TEST(RegularisedChains, MltAgreesWithBdpt) {
+  struct Scene {
+    const char* name;
+    const char* depth;
+    const char* radius;
+  };
+  constexpr std::uint32_t kExtent = 16;
+  const Regions regions(kExtent, kExtent, 8);
+  std::uint64_t seed = 4700;
+  for (const Scene& one : {Scene{"bulb-room", "5", "0.3"}, Scene{"directional-caustic", "4", "0.3"},
+                           Scene{"point-sds", "5", "0.3"}}) {
+    SCOPED_TRACE(one.name);
+    const SettingsMap of_both{{"regularise", "on"},
+                              {"regularise_exponent", "0"},
+                              {"regularise_radius", one.radius},
+                              {"max_depth", one.depth}};
+    TestScene scene = scene_from_transport(one.name, kExtent, kExtent);
+    use_own_filter(scene);
+    BatchPlan plan;
+    plan.seed = seed << 32;
+    plan.iterations = long_form() ? 512 : 64;
+    const Estimator right =
+        cached(make_estimator("bdpt", {{1.0, with_integrator(scene, "bdpt", of_both)}}, plan, regions));
+    SettingsMap settings = of_both;
+    settings.insert({{"direct", "chain"}, {"chains", "64"}, {"bootstrap", "8192"}, {"mutations", "16"}});
+    ChainJob job;
+    job.scene = with_integrator(scene, "mlt", settings);
+    job.rounds = long_form() ? 64 : 4;
+    const Estimator tested = make_chain_estimator("mlt", job, (seed + 1) << 32, 16, regions);
+    BlockTest test;
+    test.decide = 0.2;
+    const Verdict verdict = compare(tested, right, regions, test);
+    std::printf("%s: %s\n", one.name, verdict.report.c_str());
+    EXPECT_TRUE(verdict.agree) << verdict.report;
+    EXPECT_GT(verdict.tested * 2, verdict.values) << verdict.report;
+    seed += 2;
+  }
+}
+
+// Claim: scenes that the plan leaves as they are have the same film with the option on, to the bit, and the
+// plan says why: of area lamps alone, without specular surfaces, and with a lens that has an area.
+TEST(Regularised, ScenesThatArePassedOverStayAsTheyAre) {
+  struct Scene {
+    const char* name;
+    const char* why;
+    bool for_path;  // path has light there that it cannot sample
+  };
+  for (const Scene& one :
+       {Scene{"box-diffuse", "no light is a point or a direction", false},
+        Scene{"caustic", "no light is a point or a direction", false},
+        Scene{"mirror-room", "no light is a point or a direction", false},
+        Scene{"rough-glass", "no light is a point or a direction", false},
+        Scene{"point", "no surface is specular", false}, Scene{"lens", "the lens has an area", true}}) {
+    const TestScene scene = scene_from_transport(one.name, 8, 8);
+    for (const std::string integrator : {"path", "bdpt", "pssmlt", "mmlt", "mlt", "erpt"}) {
+      SCOPED_TRACE(fmt::format("{} {}", one.name, integrator));
+      const bool chains = integrator.ends_with("mlt");
+      const auto with = [&](const char* choice) {
+        SettingsMap settings{{"regularise", choice}, {"regularise_layer", "true"}};
+        if (chains) settings.insert({{"chains", "4"}, {"bootstrap", "2000"}, {"mutations", "4"}});
+        return with_integrator(scene, integrator, settings);
+      };
+      const auto plan = make_renderer(with("on"))->plan_text();
+      ASSERT_TRUE(plan.ok()) << plan.error().to_string();
+      const std::size_t skip = plan->find("skip");
+      const bool skips = skip != std::string::npos && plan->find(one.why) != std::string::npos;
+      if (integrator == "path" && one.for_path) {
+        EXPECT_FALSE(skips) << *plan;
+        continue;
+      }
+      EXPECT_TRUE(skips) << *plan;
+      if (chains) {
+        ChainJob on{with("on")}, off{with("off")};
+        const ChainImage with_it = render_chains(on, 3), without = render_chains(off, 3);
+        EXPECT_EQ(with_it.sums, without.sums);
+        EXPECT_EQ(with_it.records, without.records);
+      } else {
+        EXPECT_EQ(render_batches(with("on"), 3, 1, 4), render_batches(with("off"), 3, 1, 4));
+      }
+    }
+  }
+}
+
+// Claim: the layer of mollified light has what the option adds, for every integrator that has it: in a scene
+// of such light alone all of the image.
+TEST(Regularised, LayerHasWhatIsMollified) {
+  const test::SceneText text = test::scene_t(30);
+  const TestScene plain = scene_from_xml(
+      "<scene version=\"3.0.0\"><integrator type=\"path\"/>" + text.sensor + text.body + "</scene>", 8, 8);
+  for (const auto& [integrator, over] :
+       {std::pair{"pssmlt", "bdpt"}, {"pssmlt", "path"}, {"mmlt", ""}, {"mlt", ""}}) {
+    SCOPED_TRACE(fmt::format("{} {}", integrator, over));
+    SettingsMap settings{{"regularise", "on"},
+                         {"regularise_radius", "0.2"},
+                         {"regularise_layer", "true"},
+                         {"max_depth", "3"},
+                         {"chains", "4"},
+                         {"bootstrap", "30000"},
+                         {"mutations", "64"},
+                         {"direct", "chain"}};
+    if (*over != 0) settings["over"] = over;
+    ChainJob job{with_integrator(plain, integrator, settings)};
+    const ChainImage one = render_chains(job, 9);
+    const std::size_t layer = 8 * 8 * 3;
+    ASSERT_EQ(one.sums.size(), 4 * layer);
+    double image = 0, mollified = 0;
+    for (std::size_t i = 0; i < 2 * layer; ++i) {
+      image += static_cast<double>(one.sums[i]);
+      mollified += static_cast<double>(one.sums[2 * layer + i]);
+    }
+    EXPECT_GT(image, 0);
+    EXPECT_NEAR(mollified / image, 1, 1e-6);
+    for (const chains::ChainRecord& record : one.records) {
+      ASSERT_TRUE(record.counts.mollified.has_value());
+      EXPECT_NEAR(record.counts.mollified->start_share, 1, 1e-6);
+      EXPECT_NEAR(record.counts.mollified->large_sum / record.counts.large_sum, 1, 1e-6);
+    }
+  }
+}
+
 // Scene T, by each integrator: a job whose radius falls.
 struct FallingCase {
   const char* integrator;
@@ -88,7 +216,7 @@ TEST(Regularised, RadiusThatFallsConverges) {
   constexpr std::uint32_t kSide = 24;
   for (const FallingCase& one :
        {FallingCase{"path"}, FallingCase{"bdpt"}, FallingCase{"bdpt", 1e-4}, FallingCase{"bdpt", 1e6},
-        FallingCase{"path", 1e-4}, FallingCase{"bdpt", 1, {3000, -2000, 1000}},
+        FallingCase{"path", 1e-4}, FallingCase{"erpt"}, FallingCase{"bdpt", 1, {3000, -2000, 1000}},
         FallingCase{"path", 1, {3000, -2000, 1000}}, FallingCase{"bdpt", 1, {}, 4}}) {
     SCOPED_TRACE(fmt::format("{} size {} at {} radius {}", one.integrator, one.size, one.moved.x, one.first));
     const test::SceneText text = test::scene_t(60, one.size, one.moved);
@@ -96,11 +224,12 @@ TEST(Regularised, RadiusThatFallsConverges) {
         "<scene version=\"3.0.0\"><integrator type=\"path\"/>" + text.sensor + text.body + "</scene>", 24,
         24);
     const double bound = static_cast<double>(make_renderer(plain)->features()->radius);
-    const TestScene scene = with_integrator(
-        plain, one.integrator,
-        {{"regularise", "on"},
-         {"regularise_radius", fmt::format("{}", std::min(1.0, one.first * one.size / bound))},
-         {"max_depth", "3"}});
+    SettingsMap settings{
+        {"regularise", "on"},
+        {"regularise_radius", fmt::format("{}", std::min(1.0, one.first * one.size / bound))},
+        {"max_depth", "3"}};
+    if (std::string(one.integrator) == "erpt") settings["direct"] = "chain";
+    const TestScene scene = with_integrator(plain, one.integrator, settings);
     Moments mean;
     for (const auto& image : render_batches(scene, 4500, kBatches, kIterations)) {
       double sum = 0;  // over directions: a pixel of the flat film has the solid angle area cos^3

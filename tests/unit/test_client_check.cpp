@@ -59,7 +59,7 @@ TEST_F(Check, ListsWhatTheSceneUses) {
 TEST_F(Check, LightThatIsMissing) {
   const std::string scene =
       "<shape type='cube'/><shape type='sphere'><bsdf type='dielectric'/></shape><emitter type='point'/>";
-  for (const char* integrator : {"path", "bdpt", "pssmlt", "mmlt"}) {
+  for (const char* integrator : {"path", "bdpt", "pssmlt", "mmlt", "mlt", "erpt"}) {
     const Outcome outcome = check(scene, {}, integrator);
     EXPECT_EQ(outcome.code, 0) << outcome.err;
     EXPECT_NE(outcome.out.find("note: "), std::string::npos) << outcome.out;
@@ -70,6 +70,18 @@ TEST_F(Check, LightThatIsMissing) {
               std::string::npos);
   }
   EXPECT_NE(check(scene, {}, "vcm").out.find("0 warnings, 0 notes\n"), std::string::npos);
+  // No false alarm: lamps that eye paths meet, rough glass, no glass, short paths.
+  const std::string rough =
+      "<shape type='cube'/><shape type='sphere'><bsdf type='roughdielectric'/></shape><emitter "
+      "type='point'/>";
+  const std::string area =
+      "<shape type='cube'/><shape type='sphere'><bsdf type='dielectric'/></shape>"
+      "<shape type='sphere'><emitter type='area'/></shape>";
+  for (const char* integrator : {"path", "bdpt", "pssmlt", "mmlt", "mlt", "erpt"}) {
+    for (const std::string& body : {rough, area, std::string("<shape type='cube'/><emitter type='point'/>")})
+      EXPECT_EQ(check(body, {}, integrator).out.find("missing"), std::string::npos) << integrator << body;
+    EXPECT_EQ(check(scene, {"--set", "max_depth=1"}, integrator).out.find("missing"), std::string::npos);
+  }
 }
 
 // Claim: two bodies of glass that share a face are a warning that names both; with a gap, beside each other

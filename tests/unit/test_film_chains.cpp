@@ -23,6 +23,7 @@ ChainRecord sample_record(std::uint64_t seed) {
   if (seed % 2 == 1)
     r.counts.by_mutation = {{"bidirectional", 400, 200, {10, 0, 0, 20, 3, 0}, 5000},
                             {"half_vector", 300, 100, {0, 7, 6, 5, 0, 1}, 9000}};
+  if (seed % 3 == 0) r.counts.mollified = {0.25, 10.5, 20.25, 22.5, 700.125, seed % 5};
   r.state.assign(seed * 37 % 200, static_cast<char>('a' + seed % 20));
   return r;
 }
@@ -71,6 +72,11 @@ TEST(ChainRecords, DamageIsRefused) {
   EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.by_mutation[0].proposed = 900; }).ok());
   EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.by_mutation[0].accepted = 390; }).ok());
   EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.by_mutation[1].failed[2] = 200; }).ok());
+  EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.mollified->start_share = 1.5; }).ok());
+  EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.mollified->large_sum = 12.75; }).ok());
+  EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.mollified->large_product_sum = std::nan(""); }).ok());
+  EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.mollified->stay_sum = 2000; }).ok());
+  EXPECT_FALSE(spoiled([](ChainRecord& r) { r.counts.mollified->lost = r.segments + 1; }).ok());
   const auto long_state = spoiled([](ChainRecord& r) { r.state.assign(kMaxStateBytes + 1, 'x'); });
   ASSERT_FALSE(long_state.ok());
   EXPECT_EQ(long_state.error().field, "chain_records");
@@ -184,6 +190,84 @@ TEST(Bootstrap, PoolIsTheMeanOfAllSamples) {
   const Normalisation same = pool(table.sums(), counts);
   EXPECT_EQ(same.b, n.b);
   EXPECT_EQ(same.standard_error, n.standard_error);
+}
+
+// Claim: of chains that mollify b is b_reg, the mean over all samples, and b_irr, that over the large steps
+// alone; the bootstrap's sum is shared out as the chains' starts are. [regularisation note, section 9]
+TEST(Bootstrap, PoolHasMollifiedPathsOfLargeStepsAlone) {
+  BootstrapTable table(4);
+  ASSERT_TRUE(table.insert(0, std::vector<float>{0, 2, 4, 6}).ok());
+  ChainCounts a, b;
+  a.mutations = b.mutations = 8;
+  a.large_steps = 2;  // 3, of which 1 is mollified, and 1
+  a.large_sum = 4;
+  a.large_square_sum = 10;
+  a.mollified = {0.25, 1, 1, 3, 2, 0};
+  b.large_steps = 1;  // 5, of which 4 are mollified
+  b.large_sum = 5;
+  b.large_square_sum = 25;
+  b.mollified = {0.75, 4, 16, 20, 6, 3};
+  const std::vector<ChainCounts> counts = {a, b};
+  EXPECT_DOUBLE_EQ(pool(table, counts).b, (12 * 0.5 + 4) / 7 + 5.0 / 3);
+  EXPECT_EQ(pool(table, counts).samples, 7U);
+  const auto mollified = summarise_mollified(counts);
+  ASSERT_TRUE(mollified.has_value());
+  EXPECT_DOUBLE_EQ(mollified->b, 5.0 / 3);
+  EXPECT_DOUBLE_EQ(mollified->standard_error, std::sqrt((17.0 / 3 - 25.0 / 9) / 3));
+  EXPECT_DOUBLE_EQ(mollified->share, 0.5);
+  EXPECT_DOUBLE_EQ(mollified->share_spread, 0.25);
+  EXPECT_EQ(mollified->lost, 3U);
+  EXPECT_FALSE(summarise_mollified({}).has_value());
+  // No large step yet: the bootstrap alone.
+  const std::vector<ChainCounts> none(2);
+  EXPECT_EQ(pool(table, none).b, 3);
+}
+
+// Claim: that b has no bias, although the bootstrap has another radius and its sum is shared out by the
+// starts of few chains; its standard error is its spread, or a little more.
+TEST(Bootstrap, PoolOfMollifiedPathsHasNoBias) {
+  constexpr std::uint64_t kSamples = 64, kSeeds = 20000;
+  constexpr std::uint32_t kChains = 8;
+  constexpr double kRegular = 1, kFirst = 3, kNow = 5;  // means; a sample in four has any
+  double sum = 0, square_sum = 0, variance = 0;
+  for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
+    rng::Stream stream(rng::key(seed, 5));
+    const auto draw = [&](double mean) { return stream.next_double() < 0.25 ? 4 * mean : 0; };
+    BootstrapTable table(kSamples);
+    std::vector<float> values;
+    std::vector<double> shares;
+    for (std::uint64_t i = 0; i < kSamples; ++i) {
+      const double regular = draw(kRegular), part = draw(kFirst);
+      values.push_back(static_cast<float>(regular + part));
+      shares.push_back(part > 0 ? part / (regular + part) : 0);
+    }
+    ASSERT_TRUE(table.insert(0, values).ok());
+    const auto starts = table.choose_starts(kChains, seed);
+    if (starts.empty()) continue;
+    std::vector<ChainCounts> counts(kChains);
+    for (std::uint32_t c = 0; c < kChains; ++c) {
+      MollifiedCounts& m = counts[c].mollified.emplace();
+      m.start_share = shares[starts[c]];
+      counts[c].mutations = 32;
+      counts[c].large_steps = 16;
+      for (int i = 0; i < 16; ++i) {
+        const double regular = draw(kRegular), part = draw(kNow), all = regular + part;
+        counts[c].large_sum += all;
+        counts[c].large_square_sum += all * all;
+        m.large_sum += part;
+        m.large_square_sum += part * part;
+        m.large_product_sum += part * all;
+      }
+    }
+    const Normalisation b = pool(table, counts);
+    sum += b.b;
+    square_sum += b.b * b.b;
+    variance += b.standard_error * b.standard_error;
+  }
+  const double mean = sum / kSeeds, spread = square_sum / kSeeds - mean * mean;
+  EXPECT_NEAR(mean, kRegular + kNow, 4 * std::sqrt(spread / kSeeds));
+  EXPECT_GT(variance / kSeeds, 0.97 * spread);
+  EXPECT_LT(variance / kSeeds, 1.1 * spread);
 }
 
 // Claim: segments_in counts each chain's merged segments, as plain counting does, for random sets that grow

@@ -146,7 +146,7 @@ TEST(Erpt, OthersAreRefused) {
                                     {"chains_per_seed", "-1"},
                                     {"manifold", "2"},
                                     {"direct", "none"},
-                                    {"regularise", "on"}}) {
+                                    {"regularise", "some"}}) {
     const auto refused =
         render::complete_integrator_settings("erpt", {}, {{std::string(name), std::string(value)}});
     ASSERT_FALSE(refused.ok()) << name << '=' << value;

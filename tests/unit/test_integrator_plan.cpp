@@ -15,8 +15,9 @@ namespace {
 std::unique_ptr<Renderer> renderer_of(const std::string& body, const std::string& integrator,
                                       const SettingsMap& chosen) {
   const test::TextFiles files(
-      {{"scene.xml", "<scene version=\"3.0.0\"><integrator type=\"path\"/><sensor type=\"perspective\"/>" +
-                         body + "</scene>"},
+      {{"scene.xml", std::string("<scene version=\"3.0.0\"><integrator type=\"path\"/>") +
+                         (body.starts_with("<sensor") ? "" : "<sensor type=\"perspective\"/>") + body +
+                         "</scene>"},
        {"v.vol", test::volume_file({1, 1, 1}, 1, {1})}});
   JobSettings job;
   job.integrator = integrator;
@@ -106,6 +107,15 @@ TEST(IntegratorPlan, NotesLightFoundByLuck) {
     EXPECT_FALSE(missing(plan_of(point + glass, integrator, {{"regularise", "on"}})));
     EXPECT_FALSE(missing(plan_of(point + glass, integrator, {{"max_depth", "1"}})));
   }
+  // A lens with an area, which light paths meet by luck: eye paths do not profit.
+  const std::string lens = "<sensor type='thinlens'><float name='aperture_radius' value='0.1'/></sensor>";
+  for (const char* integrator : {"bdpt", "mmlt"}) {
+    const std::string plan = plan_of(lens + point + matt + glass, integrator);
+    EXPECT_TRUE(luck(plan) && !missing(plan)) << integrator << plan;
+    EXPECT_NE(plan.find("happens to hit the lens"), std::string::npos) << plan;
+    EXPECT_FALSE(missing(plan_of(lens + point + glass, integrator)));
+  }
+  EXPECT_TRUE(missing(plan_of(lens + point + matt + glass, "path")));
   EXPECT_FALSE(missing(plan_of(lamp + glass, "bdpt")));
   EXPECT_TRUE(luck(plan_of(lamp + matt + glass, "path", {{"max_depth", "3"}})));
   EXPECT_FALSE(luck(plan_of(lamp + matt + glass, "path", {{"max_depth", "2"}})));

@@ -509,19 +509,46 @@ TEST(Regularised, ScenesThatCanBeSampledStayAsTheyAre) {
 }
 
 // Claim: the layer `mollified` has all that the option adds.
-TEST(RegularisedBdpt, LayerHasWhatIsMollified) {
+TEST(Regularised, LayerHasWhatIsMollified) {
   const Built scene = scene_t(30);
-  const auto sums = film_of_units(
-      scene, "bdpt", {{"regularise", "on"}, {"regularise_radius", "0.1"}, {"regularise_layer", "true"}},
-      {0, 64});
-  const std::size_t image = sums.size() / 2;
-  double all = 0, layer = 0;
-  for (std::size_t i = 0; i < image; ++i) {
-    all += static_cast<double>(sums[i]);
-    layer += static_cast<double>(sums[image + i]);
+  for (const char* integrator : {"path", "bdpt"}) {
+    const auto sums = film_of_units(
+        scene, integrator, {{"regularise", "on"}, {"regularise_radius", "0.1"}, {"regularise_layer", "true"}},
+        {0, 64});
+    const std::size_t image = sums.size() / 2;
+    double all = 0, layer = 0;
+    for (std::size_t i = 0; i < image; ++i) {
+      all += static_cast<double>(sums[i]);
+      layer += static_cast<double>(sums[image + i]);
+    }
+    EXPECT_GT(all, 0) << integrator;
+    EXPECT_NEAR(layer / all, 1, 1e-6) << integrator;
   }
-  EXPECT_GT(all, 0);
-  EXPECT_NEAR(layer / all, 1, 1e-6);
+}
+
+// Claim: paths of which every one can be sampled, or is dark, have the same film with the option on, to the
+// bit, although ends of connections are specular: the lamps that would have others are in a black box. (So is
+// a medium, for which all kernels take the form for media.)
+TEST(Regularised, HiddenLampsAddNothing) {
+  const Built scene = built(camera({0, 0, 0}, {0, 0, 1}, 60), square({0, 0, 3}, {0, 0, -1}, 2, kMirror) + R"(
+        <shape type="sphere"><point name="center" x="0" y="0" z="-2"/><emitter type="area"><rgb name="radiance"
+          value="2"/></emitter></shape>
+        <shape type="sphere"><point name="center" x="0.4" y="0.3" z="2"/><float name="radius" value="0.4"/>
+          <bsdf type="dielectric"/></shape>
+        <shape type="sphere"><point name="center" x="-0.5" y="0.3" z="2"/><float name="radius" value="0.3"/>
+          <bsdf type="plastic"/></shape>
+        <shape type="cube"><transform name="to_world"><scale value="0.3"/><translate y="5"/></transform>
+          <bsdf type="diffuse"><rgb name="reflectance" value="0"/></bsdf></shape>
+        <shape type="sphere"><point name="center" x="0" y="5.1" z="0"/><float name="radius" value="0.1"/>
+          <bsdf type="null"/><medium type="homogeneous" name="interior"><rgb name="sigma_t" value="1"/></medium></shape>
+        <emitter type="point"><point name="position" x="0" y="4.9" z="0"/></emitter>)");
+  for (const std::string integrator : {"path", "bdpt"}) {
+    const auto off = film_of_units(scene, integrator, {}, {0, 16});
+    EXPECT_EQ(film_of_units(scene, integrator, {{"regularise", "on"}, {"regularise_radius", "0.5"}}, {0, 16}),
+              off)
+        << integrator;
+    EXPECT_TRUE(std::ranges::any_of(off, [](std::int64_t v) { return v > 0; })) << integrator;
+  }
 }
 
 // Claim: chains keep their radius over an epoch of 10000 mutations, and the power law is that of epochs; the

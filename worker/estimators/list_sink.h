@@ -2,6 +2,8 @@
 // mean: values are divided by the number of pixels.
 #pragma once
 
+#include <type_traits>
+
 #include "worker/estimators/bidirectional.h"
 #include "worker/estimators/film_domain.h"
 #include "worker/mcmc/splat_list.h"
@@ -30,14 +32,6 @@ class ListSink {
     const Spectrum value = light.weighted() * (per_light_ * factor_);
     if (out_->add(at, value) && labels != nullptr) out_->label(*labels);
   }
-  // For a configuration that mollifies.
-  void mollified_eye(const transport::Contribution& found, std::uint32_t s, std::uint32_t t) {
-    eye(found, s, t);
-  }
-  void mollified_light(const transport::Contribution& found, std::uint32_t s, std::uint32_t t,
-                       transport::FilmPosition at, std::uint64_t key) {
-    light(found, s, t, at, key, nullptr, nullptr);
-  }
   // Adds the light along the eye's ray, at this film position. weight: of the sensor. sums: the light's parts
   // by labels; null if the job has no expressions.
   void finish_eye(transport::FilmPosition at, float weight, const transport::LayerSums* sums) {
@@ -45,11 +39,38 @@ class ListSink {
     if (out_->add(at, sum_ * scale) && sums != nullptr) out_->label(sums->sums(), Spectrum(scale));
   }
 
- private:
+ protected:
   float per_light_, per_eye_;
   mcmc::SplatList* out_ = nullptr;
   float factor_ = 1;
   Spectrum sum_;
+};
+
+// For a configuration that mollifies: the list knows what mollified paths brought.
+class MollifyingListSink : public ListSink {
+ public:
+  using ListSink::ListSink;
+
+  void start(mcmc::SplatList& out, float factor = 1) {
+    ListSink::start(out, factor);
+    mollified_ = {};
+  }
+  void mollified_eye(const transport::Contribution& found, std::uint32_t s, std::uint32_t t) {
+    eye(found, s, t);
+    mollified_ += found.weighted();
+  }
+  void mollified_light(const transport::Contribution& found, std::uint32_t /*s*/, std::uint32_t /*t*/,
+                       transport::FilmPosition at, std::uint64_t /*key*/) {
+    const Spectrum value = found.weighted() * (per_light_ * factor_);
+    if (out_->add(at, value)) out_->mollify(value);
+  }
+  void finish_eye(transport::FilmPosition at, float weight, const transport::LayerSums* /*sums*/) {
+    const float scale = per_eye_ * factor_ * weight;
+    if (out_->add(at, sum_ * scale)) out_->mollify(mollified_ * scale);
+  }
+
+ private:
+  Spectrum mollified_;  // along the eye's ray
 };
 
 // Bidirectional for chains. ChoiceT: see there.
@@ -61,7 +82,7 @@ struct ListConfig {
   static constexpr bool kMollifies = kM;
   using Mis = transport::Balance;
   using Sampler = mcmc::PrimarySampler;
-  using Sink = ListSink;
+  using Sink = std::conditional_t<kM, MollifyingListSink, ListSink>;
   using Choice = ChoiceT;
 };
 

@@ -52,7 +52,11 @@ inline float mis_weight(float p, float q, bool power) {
   return 1.0f / (1.0f + (power ? ratio * ratio : ratio));
 }
 
-// In the place of a mollifier: nothing is mollified.
+struct Mollification {
+  transport::Mollifier by;
+  Spectrum sum;  // of mollified paths
+};
+// In its place: nothing is mollified.
 struct NoMollifier {};
 
 // One path. Of the techniques it knows next_event and hit_light; where both run they are weighted.
@@ -83,7 +87,9 @@ class PathTracer {
         letters_(letters),
         edits_(edits) {}
 
-  void mollify(const transport::Mollifier& mollifier) { mollifier_ = mollifier; }
+  void mollify(const transport::Mollifier& mollifier) { mollified_.by = mollifier; }
+  // What mollified paths have of the radiance.
+  Spectrum mollified() const { return mollified_.sum; }
 
   // The radiance arriving along `ray`.
   Spectrum radiance(const Ray& ray) {
@@ -317,10 +323,11 @@ class PathTracer {
         !light.delta)
       return;
     double length = 0;
-    Spectrum value = light_in_lobes(scene_, here, lobes, light, mollifier_, length);
+    Spectrum value = light_in_lobes(scene_, here, lobes, light, mollified_.by, length);
     if (value.is_black()) return;
     pass_to_light(here, light, block_, value);
     sum_ += throughput_ * value;
+    mollified_.sum += throughput_ * value;
   }
 
   template <class EvalPdf, class Token>
@@ -487,7 +494,7 @@ class PathTracer {
   scene::SurfaceHit hits_[2];  // the edge's end and its start, in turn
   scene::ClosureArena arena_;
   // Not read but if it mollifies.
-  [[no_unique_address]] std::conditional_t<kMollifies, transport::Mollifier, NoMollifier> mollifier_;
+  [[no_unique_address]] std::conditional_t<kMollifies, Mollification, NoMollifier> mollified_;
   // The vertex before: a light cannot sample the camera; its shading normal lies on the viewer's side, and is
   // zero if it scatters through, and in a medium.
   bool previous_delta_ = true;

@@ -55,12 +55,12 @@ RadianceFunction<SamplerT> path_radiance_for(transport::Between between, bool le
 }
 
 // The form that mollifies: next event estimation of delta lobes, as a cone each (transport/regularise.h). One
-// form for all scenes, in a file of its own like those with letters.
+// form for all scenes, in a file of its own like those with letters. mollified: what that adds; may be null.
 template <class SamplerT>
 Spectrum mollified_path_radiance(const scene::Scene& scene, const PathOptions& options,
                                  const Techniques& techniques, const Ray& ray, SamplerT& sampler,
                                  film::Tallies& tallies, const scene::LightGroups* groups,
-                                 const transport::Mollifier& mollifier);
+                                 const transport::Mollifier& mollifier, Spectrum* mollified = nullptr);
 // The same, or that with edits if the scene has some that need it.
 template <class SamplerT>
 RadianceFunction<SamplerT> path_radiance_in(const scene::Scene& scene, transport::Between between,

@@ -8,17 +8,19 @@ template <class SamplerT>
 Spectrum mollified_path_radiance(const scene::Scene& scene, const PathOptions& options,
                                  const Techniques& techniques, const Ray& ray, SamplerT& sampler,
                                  film::Tallies& tallies, const scene::LightGroups* groups,
-                                 const transport::Mollifier& mollifier) {
+                                 const transport::Mollifier& mollifier, Spectrum* mollified) {
   PathTracer<transport::Between::media, scene::Scene, SamplerT, NoFirstVertex, false, true> path(
       scene, options, techniques, sampler, tallies, nullptr, groups);
   path.mollify(mollifier);
-  return path.radiance(ray);
+  const Spectrum value = path.radiance(ray);
+  if (mollified != nullptr) *mollified = path.mollified();
+  return value;
 }
 template Spectrum mollified_path_radiance(const scene::Scene&, const PathOptions&, const Techniques&,
                                           const Ray&, samplers::Sampler&, film::Tallies&,
-                                          const scene::LightGroups*, const transport::Mollifier&);
+                                          const scene::LightGroups*, const transport::Mollifier&, Spectrum*);
 template Spectrum mollified_path_radiance(const scene::Scene&, const PathOptions&, const Techniques&,
                                           const Ray&, mcmc::PrimarySampler&, film::Tallies&,
-                                          const scene::LightGroups*, const transport::Mollifier&);
+                                          const scene::LightGroups*, const transport::Mollifier&, Spectrum*);
 
 }  // namespace candela::estimators

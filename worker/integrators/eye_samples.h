@@ -64,8 +64,21 @@ Spectrum eye_sample(const UnitContext& context, std::uint32_t x, std::uint32_t y
   return radiance(sample.ray, sampler, tallies) * sample.weight;
 }
 
-// radiance(ray, sampler, tallies, letters[, iteration]): letters, of the path, are null where nobody asks for
-// layers; iteration: of the job.
+// A radiance, and the part of it that belongs to film layer 1, too.
+struct ValueWithPart {
+  Spectrum value, part;
+  ValueWithPart operator*(float weight) const { return {value * weight, part * weight}; }
+};
+
+inline Spectrum& value_of(Spectrum& value) {
+  return value;
+}
+inline Spectrum& value_of(ValueWithPart& found) {
+  return found.value;
+}
+
+// radiance(ray, sampler, tallies, letters[, iteration]), a Spectrum or a ValueWithPart: letters, of the path,
+// are null where nobody asks for layers; iteration: of the job.
 template <class Radiance>
 Result<void> run_eye_samples(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
                              const RunContext& run, const Radiance& radiance) {
@@ -84,7 +97,7 @@ Result<void> run_eye_samples(const UnitContext& context, const Unit& unit, film:
               const std::uint64_t key = sampler.sample_key();
               const EyeRay sample = eye_ray(context, x, y, sampler);
               if (letters) letters->begin(key, sample.ray);
-              Spectrum value = [&] {
+              auto found = [&] {
                 transport::EyeLetters* const of_path = letters ? &*letters : nullptr;
                 if constexpr (std::is_invocable_v<const Radiance&, const Ray&, samplers::Sampler&,
                                                   film::Tallies&, transport::EyeLetters*, std::uint64_t>)
@@ -92,8 +105,15 @@ Result<void> run_eye_samples(const UnitContext& context, const Unit& unit, film:
                 else
                   return radiance(sample.ray, sampler, tallies, of_path);
               }() * sample.weight;
+              constexpr bool kPart = std::is_same_v<decltype(found), ValueWithPart>;
+              Spectrum& value = value_of(found);
               if (run.fault != nullptr) run.fault(key, &value.r);
               const bool kept = film.add(0, x, y, {value.r, value.g, value.b}, key, tallies, signed_values);
+              if constexpr (kPart) {
+                const Spectrum& part = found.part;
+                if (kept && !part.is_black())
+                  film.add(1, x, y, {part.r, part.g, part.b}, key, tallies, signed_values);
+              }
               if (letters && kept) letters->sums().gather(film, sample.weight, key);
             }
             if (letters) letters->sums().write_gathered(film, x, y);

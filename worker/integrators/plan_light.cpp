@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <charconv>
 #include <utility>
 
@@ -25,6 +27,10 @@ bool hides_light(const scene::SceneFeatures& features, std::uint32_t max_depth, 
   const bool rests = !features.all_bsdfs_delta || features.any_scattering_medium;
   return features.emitters > 0 && max_depth >= edges && bends_light(features) && rests;
 }
+// Light paths happen to meet the lens: by luck they find all light.
+bool meets_lens(const scene::SceneFeatures& features, Finds finds) {
+  return finds == Finds::connections && features.finite_lens;
+}
 std::string_view over(Finds finds) {
   return finds == Finds::eye_paths
              ? "over mirrors or glass onto other surfaces (caustics)"
@@ -35,11 +41,10 @@ std::string_view over(Finds finds) {
 
 std::string missing_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds,
                           Mollifies mollifies) {
-  if (!features.any_delta_emitter || mollifies == Mollifies::always) return {};
+  if (!features.any_delta_emitter || mollifies == Mollifies::always || meets_lens(features, finds)) return {};
   if (!hides_light(features, max_depth, finds)) {
-    // Lamps in mirrors: connections to a lens with an area find them, and nothing else does.
-    const bool seen = finds == Finds::connections && features.finite_lens;
-    if (mollifies != Mollifies::if_asked || max_depth < 2 || !bends_light(features) || seen) return {};
+    // Lamps in mirrors.
+    if (mollifies != Mollifies::if_asked || max_depth < 2 || !bends_light(features)) return {};
     return "of points and directions over mirrors or glass straight to the eye: no integrator finds it; give "
            "regularise=on, which blurs it";
   }
@@ -55,10 +60,10 @@ std::string missing_light(const scene::SceneFeatures& features, std::string_view
     const auto found = settings.find(name);
     return found == settings.end() ? std::string_view() : std::string_view(found->second);
   };
-  const bool from_eye = integrator == "path" || (integrator == "pssmlt" && setting("over") == "path");
-  if (!from_eye && integrator != "bdpt" && integrator != "pssmlt" && integrator != "mmlt" &&
-      integrator != "mlt")
-    return {};
+  const bool from_eye = integrator == "path" || integrator == "optimis" ||
+                        (integrator == "pssmlt" && setting("over") == "path");
+  constexpr std::array<std::string_view, 5> kConnecting{"bdpt", "pssmlt", "mmlt", "mlt", "erpt"};
+  if (!from_eye && std::ranges::find(kConnecting, integrator) == kConnecting.end()) return {};
   int depth = -1;
   const std::string_view text = setting("max_depth");
   std::from_chars(text.data(), text.data() + text.size(), depth);
@@ -75,6 +80,11 @@ void note_lucky_light(const scene::SceneFeatures& features, std::uint32_t max_de
     plan.note(std::string(kMissingLight), std::move(missing));
   if (!hides_light(features, max_depth, finds)) return;
   const bool uneven = features.any_environment && features.environment_variation >= 1;
+  if (features.any_delta_emitter && meets_lens(features, finds))
+    plan.note(
+        std::string(kLuckyLight),
+        fmt::format("of points and directions {}: found only if a path happens to hit the lens; vcm finds it",
+                    over(finds)));
   if (features.any_area_emitter || uneven)
     plan.note(std::string(kLuckyLight),
               fmt::format("{}: found only if a path happens to hit {}; {} finds it", over(finds),

@@ -51,7 +51,7 @@ Regularization plan_regularization(const RegulariseSettings& settings, const sce
            fmt::format("light of points and directions over specular surfaces that no technique can sample: "
                        "blurred over a radius that {} {:.3g}",
                        settings.exponent > 0 ? "falls from" : "stays", first));
-  return {first, settings.exponent};
+  return {first, settings.exponent, settings.layer};
 }
 
 Result<void> check(const Regularization& regularization, const scene::SceneFeatures& features) {

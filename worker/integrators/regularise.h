@@ -16,6 +16,7 @@ struct RegulariseSettings {
   Choice regularise{"off", {"off", "on"}};
   double radius = 0.01;
   double exponent = 1.0 / 6;
+  bool layer = false;
 
   bool on() const { return regularise.value == "on"; }
   Mollifies mollifies() const { return on() ? Mollifies::always : Mollifies::if_asked; }
@@ -28,24 +29,31 @@ struct RegulariseSettings {
           "first radius of the blur, as a fraction of the radius of the scene's bounding sphere");
     visit("regularise_exponent", exponent, NumberRange{0, 0.5, false, true},
           "the radius falls as n^-exponent over the job; 0: the radius and the bias stay");
+    visit("regularise_layer", layer,
+          "further layer in the EXR, `mollified`: the light that regularise=on shows");
   }
 };
+
+// The layer of mollified light.
+inline constexpr const char* kMollifiedLayer = "mollified";
 
 // Tells if it runs in a scene, and its bandwidths. Bandwidths are a function of the settings, the scene and
 // the sample's index in the job.
 class Regularization {
  public:
   Regularization() = default;
-  Regularization(double first, double exponent) : runs_(true), first_(first), exponent_(exponent) {}
+  Regularization(double first, double exponent, bool layer = false)
+      : runs_(true), layer_(layer), first_(first), exponent_(exponent) {}
 
   bool runs() const { return runs_; }
+  bool layer() const { return layer_; }  // asked for
   double first() const { return first_; }
   double bandwidth(std::uint64_t iteration) const {
     return transport::bandwidth(first_, iteration, exponent_);
   }
 
  private:
-  bool runs_ = false;
+  bool runs_ = false, layer_ = false;
   double first_ = 1, exponent_ = 0;
 };
 
@@ -61,6 +69,7 @@ class ChainRegularization {
       : regularization_(regularization), geometric_(geometric) {}
 
   bool runs() const { return regularization_.runs(); }
+  bool layer() const { return regularization_.layer(); }
   // Bandwidth of a segment whose first mutation this is. The bootstrap has that of mutation 0.
   double bandwidth(std::uint64_t mutation) const;
 

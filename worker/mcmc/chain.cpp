@@ -44,6 +44,11 @@ class Splats final : public Deposit {
       const std::uint64_t own_key = rng::combine(key, i);
       const auto parts = list.parts(i++);
       const bool kept = outlets_.film->splat(layer, splat.at, scaled(splat.value), own_key, outlets_.tallies);
+      if (outlets_.mollified_layer != 0 && kept) {
+        if (const Spectrum part = list.mollified(i - 1); !part.is_black())
+          outlets_.film->splat(outlets_.mollified_layer + layer, splat.at, scaled(part), own_key,
+                               outlets_.tallies);
+      }
       if (parts.empty() || !kept) continue;
       scaled_.clear();
       for (const transport::LabelledSum& part : parts) scaled_.push_back({scaled(part.sum), part.labels});
@@ -57,6 +62,11 @@ class Splats final : public Deposit {
   std::optional<transport::LayerUnits> units_;
   std::vector<transport::LabelledSum> scaled_;
 };
+
+// The mollified part of what a state adds, of [0, 1].
+double mollified_share(const SplatList& list) {
+  return list.scalar() > 0 ? list.mollified_scalar() / list.scalar() : 0;
+}
 
 }  // namespace
 
@@ -99,12 +109,21 @@ bool run_mutations(Walker& walker, std::uint64_t mutations, const ChainRules& ru
       ++counts.large_steps;
       counts.large_sum += proposed_scalar;
       counts.large_square_sum += proposed_scalar * proposed_scalar;
+      if (counts.mollified) {
+        const double part = proposal.mollified_scalar();
+        counts.mollified->large_sum += part;
+        counts.mollified->large_square_sum += part * part;
+        counts.mollified->large_product_sum += part * proposed_scalar;
+      }
     }
     // Nothing that is not finite, or not a density, is ever accepted: NaN compares false.
     double accept = 0;
     if (proposed_scalar > 0 && ratio > 0)  // from a state that vanished: infinity, and so 1
       accept = std::min(1.0, ratio * (proposed_scalar / walker.scalar));
     stays += 1 - accept;
+    if (counts.mollified)
+      counts.mollified->stay_sum +=
+          accept * mollified_share(proposal) + (1 - accept) * mollified_share(present);
     const bool accepted = decide.next_double() < accept;
     if (proposed_scalar > 0) {
       const double weight = weigh(proposed_scalar);
@@ -154,6 +173,10 @@ Result<void> run_segment(StateSpace& space, const ChainRules& rules, std::uint64
       walker.counts.mutations != record.segments * rules.segment_mutations)
     return input_error("the chain cannot start there: it is not a state of this job")
         .with_field("chain_starts");
+  if (rules.states_vanish) {
+    if (record.segments == 0) walker.counts.mollified = {mollified_share(walker.present), 0, 0, 0, 0, 0};
+    if (vanished && walker.counts.mollified) ++walker.counts.mollified->lost;
+  }
   Splats splats(rules, outlets);
   space.take_counts();  // of another chain
   if (!run_mutations(walker, rules.segment_mutations, rules, outlets, splats)) return {};

@@ -32,7 +32,7 @@ struct ChainRules {
   std::uint64_t segment_mutations = 0;
   double pixels = 1;
   // The target changes between segments: a state of an earlier segment may have the contribution 0. The chain
-  // then takes the first proposal that has any.
+  // then takes the first proposal that has any. Records have sums of mollified paths.
   bool states_vanish = false;
 };
 
@@ -66,6 +66,8 @@ struct ChainOutlets {
   // Letters for layers by expressions: first the chains' part for every expression, then the independent
   // parts; null: the job has none.
   const transport::PathLetters* letters = nullptr;
+  // Layer of what mollified paths brought: of the chains' part, the independent part behind it; 0: none.
+  std::uint32_t mollified_layer = 0;
 };
 
 // Receives the contributions of mutations. The weight of a list leaves out the number of mutations and

@@ -99,8 +99,10 @@ void PathSpace::put(const State& state, SplatList& out) const {
   const double scale = math::exp(-state.log_density) / (context_.film_width * context_.film_height);
   const auto value = [&](std::size_t c) { return static_cast<float>(state.path.contribution[c] * scale); };
   const transport::path::Assembled& whole = state.path.assembled();
-  if (out.add(whole.film, {value(0), value(1), value(2)}) && letters_ != nullptr)
-    out.label(labels_of(*letters_, context_.scene, whole.path));
+  const Spectrum all{value(0), value(1), value(2)};
+  if (!out.add(whole.film, all)) return;
+  if (state.path.mollified) out.mollify(all);
+  if (letters_ != nullptr) out.label(labels_of(*letters_, context_.scene, whole.path));
 }
 
 void PathSpace::start(std::uint64_t key, SplatList& out) {
@@ -181,7 +183,8 @@ void PathSpace::reject() {
 }
 
 std::string PathSpace::save() const {
-  return present_ ? to_bytes(present_->path.path) : std::string();
+  if (!present_ && lost_.vertices.empty()) return {};
+  return to_bytes(present_ ? present_->path.path : lost_);
 }
 
 Result<void> PathSpace::restore(std::string_view bytes, SplatList& out) {
@@ -191,6 +194,7 @@ Result<void> PathSpace::restore(std::string_view bytes, SplatList& out) {
   if (edges < context_.min_edges || edges > context_.max_edges ||
       !transport::path::exists(context_.scene, path))
     return input_error("a path cannot be used: it is none of this scene and job").with_field("state");
+  lost_ = path;
   present_ = state(std::move(path));
   if (present_) put(*present_, out);
   return {};

@@ -83,6 +83,8 @@ class PathSpace final : public StateSpace {
   std::vector<double> shares_;
   std::vector<std::unique_ptr<PathMutator>> mutators_;
   std::optional<State> present_, proposal_;
+  // There is no present state: it was this path, which has no light with the bandwidth of this space.
+  transport::path::Path lost_;
   std::size_t mutator_ = 0;  // of the proposal; their number: a large step
   std::vector<chains::MutationCounts> counts_;
 };

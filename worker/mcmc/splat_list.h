@@ -2,6 +2,7 @@
 // which the chain follows, is the sum of their luminances.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <span>
@@ -26,6 +27,8 @@ class SplatList {
     parts_.clear();
     ends_.clear();
     scalar_ = 0;
+    mollified_.clear();
+    mollified_scalar_ = 0;
   }
   // False: a black value, which is left out.
   bool add(transport::FilmPosition at, Spectrum value) {
@@ -33,6 +36,13 @@ class SplatList {
     splats_.push_back({at, value});
     scalar_ += static_cast<double>(luminance(value));
     return true;
+  }
+  // The part of the splat that was added last that mollified paths have.
+  void mollify(Spectrum part) {
+    if (part.is_black()) return;
+    mollified_.resize(splats_.size());
+    mollified_.back() = part;
+    mollified_scalar_ += static_cast<double>(luminance(part));
   }
   // The labels of the splat that was added last: of one path; of an eye path's contributions, whose prefixes
   // are `sums` times `scale`.
@@ -53,6 +63,11 @@ class SplatList {
     return std::span(parts_).subspan(begin, ends_[i] - begin);
   }
   double scalar() const { return scalar_; }
+  // The part of splat i that is mollified; black if none is.
+  Spectrum mollified(std::size_t i) const { return i < mollified_.size() ? mollified_[i] : Spectrum(); }
+  bool any_mollified() const { return !mollified_.empty(); }
+  // That part of scalar(), at most the whole.
+  double mollified_scalar() const { return std::min(mollified_scalar_, scalar_); }
 
   // Reason to reject the list, if there is one: the first cause found.
   std::optional<film::RejectCause> fault() const;
@@ -67,7 +82,8 @@ class SplatList {
   std::vector<Splat> splats_;
   std::vector<transport::LabelledSum> parts_;
   std::vector<std::uint32_t> ends_;  // of each splat's parts
-  double scalar_ = 0;
+  std::vector<Spectrum> mollified_;  // of each splat up to the last one that has any
+  double scalar_ = 0, mollified_scalar_ = 0;
 };
 
 }  // namespace candela::mcmc

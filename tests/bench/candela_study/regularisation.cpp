@@ -52,6 +52,7 @@ const std::vector<HiddenMethod>& hidden_methods() {
       {"bdpt, regularise, radius 5 %", "bdpt", {{"regularise", "on"}, {"regularise_radius", "0.05"}}},
       {"pssmlt, regularise", "pssmlt", on},
       {"mmlt, regularise", "mmlt", on},
+      {"mlt, regularise", "mlt", {{"regularise", "on"}, {"direct", "chain"}}},
       {"ppm", "ppm", {}},
       {"vcm", "vcm", {}},
       {"mcppm", "mcppm", {}},
@@ -65,7 +66,7 @@ struct HiddenSizes {
   std::uint64_t reference_share;  // of the references' iterations: 1 / this
 };
 HiddenSizes hidden_sizes(const Request& request) {
-  HiddenSizes sizes = request.short_form ? HiddenSizes{12, 0.05, 128} : HiddenSizes{48, 0.75, 1};
+  HiddenSizes sizes = request.short_form ? HiddenSizes{12, 0.05, 128} : HiddenSizes{48, 3, 1};
   if (request.side != 0) sizes.side = request.side;
   return sizes;
 }

@@ -95,7 +95,7 @@ Result<std::unique_ptr<Integrator>> make_bdpt_integrator(const SettingsMap& sett
     layers = TechniqueLayers(asked != "unweighted", asked != "weighted",
                              static_cast<std::uint32_t>(parsed.layer_depth), options.max_depth,
                              features.finite_lens);
-  if (parsed.regularise_layer && regularization.runs()) layers.add_mollified();
+  if (regularization.layer()) layers.add_mollified();
   const std::size_t layer_count = layers.names().size();
   if (layer_count + 1 > film::kMaxLayers) {
     return usage_error("techniques of paths of " + std::to_string(parsed.layer_depth) + " edges need " +

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "worker/integrators/regularise.h"
+
 namespace candela::integrators::bdpt {
 
 TechniqueLayers::TechniqueLayers(bool weighted, bool unweighted, std::uint32_t depth, std::uint32_t max_depth,
@@ -14,7 +16,7 @@ TechniqueLayers::TechniqueLayers(bool weighted, bool unweighted, std::uint32_t d
 }
 
 void TechniqueLayers::add_mollified() {
-  names_.emplace_back("mollified");
+  names_.emplace_back(kMollifiedLayer);
   mollified_ = static_cast<std::uint32_t>(names_.size());
 }
 

@@ -11,7 +11,6 @@ struct BdptSettings {
   Choice layers{"none", {"none", "weighted", "unweighted", "both"}};
   int layer_depth = 4;
   RegulariseSettings regularise;
-  bool regularise_layer = false;
 
   template <class Visitor>
   void fields(Visitor& visit) {
@@ -23,8 +22,6 @@ struct BdptSettings {
         "further layers in the EXR, one for each technique of s vertices from the light and t from the eye");
     visit("layer_depth", layer_depth, 1, 9, "edges of the longest paths that have layers of their own");
     regularise.fields(visit);
-    visit("regularise_layer", regularise_layer,
-          "further layer in the EXR, `mollified`: the light that regularise=on shows");
     common.plan_field(visit);
   }
 };

@@ -110,6 +110,10 @@ ChainPlan ChainIntegrator::chain_plan(FilmSize size) const {
 WorkPlan ChainIntegrator::work(FilmSize size, const NamedState& /*state*/) const {
   WorkPlan plan;
   plan.layers = {"independent"};
+  if (regularization_.layer()) {
+    plan.layers.emplace_back(kMollifiedLayer);
+    plan.layers.push_back(std::string(kMollifiedLayer) + std::string(chains::kIndependentPart));
+  }
   plan.chains = chain_plan(size);
   return plan;
 }
@@ -190,7 +194,13 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
     } else {
       const std::uint64_t begin = starts[i].record.segments * plan.segment_mutations;
       const auto space = make_space(context, tallies, regularization_.bandwidth(begin));
-      const mcmc::ChainOutlets outlets{&splatter, tallies, run.stop, &progress, run.fault, context.letters};
+      const mcmc::ChainOutlets outlets{&splatter,
+                                       tallies,
+                                       run.stop,
+                                       &progress,
+                                       run.fault,
+                                       context.letters,
+                                       regularization_.layer() ? chains::kImageLayers : 0};
       const auto done = mcmc::run_segment(*space, rules, chains::chain_of(unit.half, index, plan.chains),
                                           starts[i], outlets, records[i]);
       if (!done.ok()) errors[i] = done.error();

@@ -30,31 +30,37 @@ enum Purpose : std::uint64_t { sample, rounding, chains };
 // Deposits of one iteration.
 class FilmDeposit final : public mcmc::Deposit {
  public:
-  // factor: pixels / (M N).
-  FilmDeposit(const transport::Splatter& film, double factor, film::Tallies& tallies)
-      : film_(film), factor_(factor), tallies_(tallies) {}
+  // factor: pixels / (M N). layer: the film has one of mollified light, 1.
+  FilmDeposit(const transport::Splatter& film, double factor, bool layer, film::Tallies& tallies)
+      : film_(film), factor_(factor), layer_(layer), tallies_(tallies) {}
 
   void add(std::uint32_t /*layer*/, const mcmc::SplatList& list, double weight, std::uint64_t key) override {
     if (!(weight > 0)) return;
     const double scale = weight * factor_;
     std::uint64_t i = 0;
     for (const mcmc::Splat& splat : list.splats()) {
-      const auto scaled = [&](float x) { return static_cast<float>(static_cast<double>(x) * scale); };
-      film_.splat(0, splat.at, {scaled(splat.value.r), scaled(splat.value.g), scaled(splat.value.b)},
-                  rng::combine(key, i++), tallies_);
+      const auto put = [&](std::uint32_t to, const Spectrum& value) {
+        const auto scaled = [&](float x) { return static_cast<float>(static_cast<double>(x) * scale); };
+        film_.splat(to, splat.at, {scaled(value.r), scaled(value.g), scaled(value.b)}, rng::combine(key, i),
+                    tallies_);
+      };
+      put(0, splat.value);
+      if (const Spectrum part = list.mollified(i); layer_ && !part.is_black()) put(1, part);
+      ++i;
     }
   }
 
  private:
   const transport::Splatter& film_;
   double factor_;
+  bool layer_;
   film::Tallies& tallies_;
 };
 
 class ErptIntegrator final : public IterationIntegrator {
  public:
   ErptIntegrator(const ErptSettings& settings, const estimators::PathOptions& direct_options, Planned direct,
-                 std::uint32_t longest, Plan plan)
+                 std::uint32_t longest, const Regularization& regularization, Plan plan)
       : IterationIntegrator(settings.common.path_options(), Planned{{}, direct.between, std::move(plan)}),
         settings_(settings),
         direct_options_(direct_options),
@@ -62,6 +68,7 @@ class ErptIntegrator final : public IterationIntegrator {
         radiance_(estimators::path_radiance_for<samplers::Sampler>(direct_.between, false)),
         shortest_(direct_options.max_depth + 1),
         longest_(longest),
+        regularization_(regularization),
         shares_(settings.mutations.chosen()) {}
 
   Result<Decision> decide(const UnitContext& context, const RunContext& run) const override {
@@ -75,10 +82,15 @@ class ErptIntegrator final : public IterationIntegrator {
     Decision decision{{}, plan()};
     if (!has_chains()) return decision;
     CANDELA_ASSIGN(const erpt::SeedStatistics statistics,
-                   erpt::seed_statistics([&](film::Tallies& /*tallies*/) { return make_space(context); },
+                   erpt::seed_statistics([&](film::Tallies& /*tallies*/) { return make_space(context, 0); },
                                          context.seed, static_cast<std::uint64_t>(settings_.bootstrap), run));
     decision.bytes = erpt::to_bytes(erpt::choose_energies(statistics, settings_, decision.plan));
     return decision;
+  }
+
+  WorkPlan work(FilmSize /*size*/, const NamedState& /*state*/) const override {
+    if (!regularization_.layer()) return {};
+    return {.layers = {kMollifiedLayer}};
   }
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
@@ -94,11 +106,13 @@ class ErptIntegrator final : public IterationIntegrator {
  private:
   bool has_chains() const { return longest_ >= shortest_; }
 
-  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context) const {
+  // Chains end with their iteration, and have its radius. [regularisation note, section 8]
+  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, std::uint64_t iteration) const {
     const estimators::FilmDomain film(context.filter, context.width, context.height);
     return std::make_unique<mcmc::PathSpace>(
         mcmc::MutatorContext{context.scene, static_cast<double>(context.width),
-                             static_cast<double>(context.height), film.border(), shortest_, longest_},
+                             static_cast<double>(context.height), film.border(), shortest_, longest_,
+                             regularization_.runs() ? regularization_.bandwidth(iteration) : 0},
         shares_);
   }
 
@@ -114,9 +128,9 @@ class ErptIntegrator final : public IterationIntegrator {
     return for_each_task(
         chunks * (unit.end - unit.begin), film, run, [&](std::uint64_t task, film::Tallies& tallies) {
           const std::uint64_t index = unit.begin + task / chunks, from = task % chunks * kSeedChunk;
-          const auto space = make_space(context);
+          const auto space = make_space(context, global_iteration(unit.half, index));
           const mcmc::ChainOutlets outlets{&splatter, tallies, run.stop, nullptr, run.fault, nullptr};
-          FilmDeposit deposit(splatter, factor, tallies);
+          FilmDeposit deposit(splatter, factor, regularization_.layer(), tallies);
           mcmc::RedistributionCounts counts;
           for (std::uint64_t j = from; j < std::min(from + kSeedChunk, seeds); ++j) {
             if (run.stopped()) return;
@@ -154,6 +168,7 @@ class ErptIntegrator final : public IterationIntegrator {
   const Planned direct_;
   const estimators::RadianceFunction<samplers::Sampler> radiance_;
   const std::uint32_t shortest_, longest_;
+  const Regularization regularization_;
   const std::vector<mcmc::MutatorShare> shares_;
 };
 
@@ -224,10 +239,16 @@ Result<std::unique_ptr<Integrator>> make_erpt_integrator(const SettingsMap& sett
     plan.use("path lengths", fmt::format("from {} to {} edges", shortest, longest));
     if (options.max_depth > kLongest)
       plan.note("path lengths", fmt::format("light of paths of more than {} edges is missing", kLongest));
-    note_lucky_light(features, longest, Finds::connections, Mollifies::never, plan);
+    note_lucky_light(features, longest, Finds::connections, parsed.regularise.mollifies(), plan);
   }
-  return std::unique_ptr<Integrator>(
-      std::make_unique<ErptIntegrator>(parsed, direct_options, std::move(direct), longest, std::move(plan)));
+  const Regularization regularization = plan_regularization(parsed.regularise, features, options.max_depth,
+                                                            transport::Connecting::bidirectional, plan);
+  CANDELA_TRY(check(regularization, features));
+  if (regularization.runs() && bounce)
+    return refuse("the path tracing of direct=path finds nothing that is mollified", "direct",
+                  "give direct=chain, or regularise=off");
+  return std::unique_ptr<Integrator>(std::make_unique<ErptIntegrator>(
+      parsed, direct_options, std::move(direct), longest, regularization, std::move(plan)));
 }
 
 }  // namespace candela::integrators

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "worker/integrators/common_settings.h"
+#include "worker/integrators/regularise.h"
 #include "worker/mcmc/path_space.h"
 
 namespace candela::integrators {
@@ -39,6 +40,7 @@ struct ErptSettings {
   ErptMutations mutations;
   Choice direct{"path", {"chain", "path"}};
   int direct_samples = 1;
+  RegulariseSettings regularise;
 
   template <class Visitor>
   void fields(Visitor& visit) {
@@ -62,8 +64,7 @@ struct ErptSettings {
           "the chains render light after one bounce too");
     visit("direct_samples", direct_samples, 1, 1 << 10,
           "eye samples per pixel in an iteration, for what is left to path tracing");
-    visit.absent("regularise", "mutations know no mollified vertices",
-                 "pssmlt and mmlt mollify; vcm finds such light");
+    regularise.fields(visit);
     common.plan_field(visit);
   }
 };

@@ -19,7 +19,8 @@ constexpr std::uint32_t kLongest = 1000;
 
 class MltIntegrator final : public ChainIntegrator {
  public:
-  MltIntegrator(const MltSettings& settings, const scene::SceneFeatures& features)
+  MltIntegrator(const MltSettings& settings, const scene::SceneFeatures& features,
+                const ChainRegularization& regularization, const Plan& regularized)
       : ChainIntegrator(settings.chains, settings.common.path_options(), features,
                         settings.common.full_plan(), 2),
         shortest_(chain_options().min_edges),
@@ -41,7 +42,9 @@ class MltIntegrator final : public ChainIntegrator {
     plan_.use("path lengths", fmt::format("from {} to {} edges", shortest_, longest_));
     if (chain_options().max_depth > kLongest)
       plan_.note("path lengths", fmt::format("light of paths of more than {} edges is missing", kLongest));
-    note_lucky_light(features, longest_, Finds::connections, Mollifies::never, plan_);
+    note_lucky_light(features, longest_, Finds::connections, settings.regularise.mollifies(), plan_);
+    regularization_ = regularization;
+    plan_.append(regularized);
   }
 
  private:
@@ -58,11 +61,12 @@ class MltIntegrator final : public ChainIntegrator {
   }
 
   std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, film::Tallies& /*tallies*/,
-                                               double /*bandwidth*/) const override {
+                                               double bandwidth) const override {
     const estimators::FilmDomain film(context.filter, context.width, context.height);
     return std::make_unique<mcmc::PathSpace>(
         mcmc::MutatorContext{context.scene, static_cast<double>(context.width),
-                             static_cast<double>(context.height), film.border(), shortest_, longest_},
+                             static_cast<double>(context.height), film.border(), shortest_, longest_,
+                             regularization_.runs() ? bandwidth : 0},
         shares_, context.letters);
   }
 
@@ -101,7 +105,13 @@ Result<std::unique_ptr<Integrator>> make_mlt_integrator(const SettingsMap& setti
   if (!features.edits.empty())
     return refuse("mlt does not render edits: " + features.edits.front(), "integrator",
                   "use bdpt, pssmlt or mmlt, or leave out the edits");
-  return std::unique_ptr<Integrator>(std::make_unique<MltIntegrator>(parsed, features));
+  Plan regularized;
+  CANDELA_ASSIGN(
+      const ChainRegularization regularization,
+      chain_regularization(parsed.regularise, parsed.chains, features, parsed.common.path_options().max_depth,
+                           transport::Connecting::bidirectional, regularized));
+  return std::unique_ptr<Integrator>(
+      std::make_unique<MltIntegrator>(parsed, features, regularization, regularized));
 }
 
 }  // namespace candela::integrators

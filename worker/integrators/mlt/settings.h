@@ -37,6 +37,7 @@ struct MltSettings {
   CommonSettings common{integrator_words::kMlt};
   ChainSettings chains;
   MutatorSettings mutations;
+  ChainRegulariseSettings regularise;
 
   MltSettings() { chains.direct.value = "path"; }
 
@@ -46,8 +47,7 @@ struct MltSettings {
                        "not read: paths of the chains have no Russian roulette, and those of path tracing "
                        "beside them are short");
     chains.fields(visit, mutations);
-    visit.absent("regularise", "mutations know no mollified vertices",
-                 "pssmlt and mmlt mollify; vcm finds such light");
+    regularise.fields(visit);
     common.plan_field(visit);
   }
 };

@@ -85,11 +85,11 @@ class Target final : public mcmc::PrimaryTarget {
 
   const scene::Scene& scene_;
   estimators::FilmDomain film_;
-  estimators::ListSink sink_;
+  using Config = estimators::ListConfig<kBetween, estimators::OneTechnique, kMollifies, kEdits>;
+  typename Config::Sink sink_;
   const estimators::Techniques& techniques_;
   const Lengths& lengths_;
-  estimators::Bidirectional<estimators::ListConfig<kBetween, estimators::OneTechnique, kMollifies, kEdits>>
-      estimator_;
+  estimators::Bidirectional<Config> estimator_;
   film::Tallies& tallies_;
 };
 

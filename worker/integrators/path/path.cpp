@@ -35,6 +35,11 @@ class PathIntegrator final : public IterationIntegrator {
                            });
   }
 
+  WorkPlan work(FilmSize /*size*/, const NamedState& /*state*/) const override {
+    if (!regularization_.layer()) return {};
+    return {.layers = {kMollifiedLayer}};
+  }
+
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
     const auto groups = groups_of(context.scene);
     const auto radiance =
@@ -53,9 +58,11 @@ class PathIntegrator final : public IterationIntegrator {
                            [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies,
                                transport::EyeLetters* /*letters*/, std::uint64_t iteration) {
                              const transport::Mollifier mollifier(regularization_.bandwidth(iteration));
-                             return estimators::mollified_path_radiance(context.scene, options_,
-                                                                        planned_.techniques, ray, sampler,
-                                                                        tallies, groups, mollifier);
+                             ValueWithPart found;
+                             found.value = estimators::mollified_path_radiance(
+                                 context.scene, options_, planned_.techniques, ray, sampler, tallies, groups,
+                                 mollifier, regularization_.layer() ? &found.part : nullptr);
+                             return found;
                            });
   }
 

@@ -20,9 +20,11 @@ class MollifiedPathTarget final : public mcmc::PrimaryTarget {
     mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
     const FilmRay ray = film_ray(scene_, film_, eye);
     ++tallies_.eye_samples;
+    Spectrum mollified;
     const Spectrum value = estimators::mollified_path_radiance(scene_, options_, techniques_, ray.ray, eye,
-                                                               tallies_, nullptr, mollifier_);
-    out.add(ray.at, value * (ray.weight * static_cast<float>(film_.area_over_film())));
+                                                               tallies_, nullptr, mollifier_, &mollified);
+    const float scale = ray.weight * static_cast<float>(film_.area_over_film());
+    if (out.add(ray.at, value * scale)) out.mollify(mollified * scale);
   }
 
  private:

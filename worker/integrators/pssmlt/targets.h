@@ -79,10 +79,10 @@ class BdptTarget final : public mcmc::PrimaryTarget {
  private:
   const scene::Scene& scene_;
   estimators::FilmDomain film_;
-  estimators::ListSink sink_;
+  using Config = estimators::ListConfig<kBetween, estimators::EveryTechnique, kMollifies, kEdits>;
+  typename Config::Sink sink_;
   bool light_paths_;
-  estimators::Bidirectional<estimators::ListConfig<kBetween, estimators::EveryTechnique, kMollifies, kEdits>>
-      estimator_;
+  estimators::Bidirectional<Config> estimator_;
   film::Tallies& tallies_;
 };
 

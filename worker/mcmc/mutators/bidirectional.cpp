@@ -66,10 +66,10 @@ const BidirectionalMutator::Ranges& BidirectionalMutator::ranges(const PathState
     const std::vector<PathVertex>& v = from.path.vertices;
     const std::size_t count = v.size();
     for (std::size_t light = 0; light < count; ++light) {
-      if (light > 0 && v[light - 1].delta) continue;
+      if (light > 0 && (v[light - 1].delta || v[light - 1].mollified)) continue;
       // x_m, the first vertex that is kept behind, is never the light; count: none is kept.
       for (std::size_t m = std::max<std::size_t>(light, 1); m <= std::min(count, light + kMaxDeleted); ++m) {
-        if (m < count && v[m].delta) continue;
+        if (m < count && (v[m].delta || v[m].mollified)) continue;
         const Range range{{light, count - m}, weight_of_deletion(m - light)};
         if (!any_addition(range.kept, m - light)) continue;
         made->all.push_back(range);

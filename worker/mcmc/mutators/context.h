@@ -15,6 +15,7 @@ struct MutatorContext {
   float film_border = 0;
   // Lengths of the chain's paths, in edges; others are not proposed. min_edges >= 2.
   std::uint32_t min_edges = 2, max_edges = 64;
+  double bandwidth = 0;  // of mollified vertices; 0: no path has one
   // Counts the rays that proposals and evaluations of paths take; null: nobody does. Not for two threads.
   std::uint64_t* rays = nullptr;
 
@@ -26,6 +27,7 @@ struct MutatorContext {
     transport::path::Rules rules;
     rules.film_border = film_border;
     rules.eye_paths = film_width * film_height / domain_area();
+    rules.bandwidth = bandwidth;
     rules.rays = rays;
     return rules;
   }

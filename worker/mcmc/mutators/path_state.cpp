@@ -1,5 +1,6 @@
 #include "worker/mcmc/mutators/path_state.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -7,13 +8,23 @@ namespace candela::mcmc {
 
 std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
                                     const transport::path::Rules& rules, const PathState* near) {
+  PathState out;
   transport::path::SharedVertices shared;
   if (near != nullptr) shared = transport::path::shared_vertices(near->assembled(), near->path, path);
   auto assembled = transport::path::assemble(scene, path, rules.film_border, shared);
   if (!assembled) return std::nullopt;
+  const bool mollified =
+      std::ranges::any_of(path.vertices, [](const auto& vertex) { return vertex.mollified; });
+  if (near != nullptr && near->mollified)  // copied
+    for (transport::path::InnerVertex& inner : assembled->path.inner) inner.cone = {};
+  if (mollified) {
+    const auto found = transport::path::mollified_vertex(scene, path, assembled->edges);
+    if (!found || !(rules.bandwidth > 0)) return std::nullopt;
+    assembled->path.inner[found->vertex - 1].cone = found->cone;
+    out.mollified = *found;
+  }
   transport::path::SharedEnds ends;
   if (near != nullptr) ends = {&near->evaluation(), shared.light, shared.sensor};
-  PathState out;
   out.stands_on_ = std::make_shared<PathState::StandsOn>(scene, *std::move(assembled), rules, ends);
   const transport::path::Evaluation& evaluation = out.evaluation();
   if (!evaluation.valid()) return std::nullopt;

@@ -11,6 +11,7 @@
 #include "worker/scene/scene.h"
 #include "worker/transport/path/assemble.h"
 #include "worker/transport/path/evaluation.h"
+#include "worker/transport/path/mollified.h"
 #include "worker/transport/path/path.h"
 
 namespace candela::mcmc {
@@ -28,6 +29,7 @@ class PathState {
   // sensor that no ray meets has its own in the place of an area.
   std::array<double, 3> contribution{};
   double scalar = 0;  // its luminance, > 0 and finite
+  std::optional<transport::path::MollifiedVertex> mollified;
 
   const transport::path::Assembled& assembled() const { return stands_on_->assembled; }
   const transport::path::Evaluation& evaluation() const { return stands_on_->evaluation; }

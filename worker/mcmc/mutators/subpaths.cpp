@@ -210,6 +210,7 @@ Proposal Subpaths::make(const PathState* from, const Kept& kept, std::size_t add
     }
   }
   Path out;
+  const std::size_t joint = kept.light + s;
   if (from != nullptr) {
     const auto begin = from->path.vertices.begin();
     out.vertices.assign(begin, begin + static_cast<std::ptrdiff_t>(kept.light));
@@ -219,7 +220,66 @@ Proposal Subpaths::make(const PathState* from, const Kept& kept, std::size_t add
   if (from != nullptr)
     out.vertices.insert(out.vertices.end(), from->path.vertices.end() - static_cast<std::ptrdiff_t>(kept.eye),
                         from->path.vertices.end());
+  if (context_.bandwidth > 0) choose_way(out, kept, joint, stream);
   return out;
+}
+
+Subpaths::Ways Subpaths::ways(const Path& path, const path::Assembled& assembled, const Kept& kept,
+                              std::size_t joint) const {
+  const std::size_t count = path.vertices.size(), end = count - kept.eye;
+  struct End {
+    bool smooth = true, cone = false;
+  };
+  // wo: where the walk that ends there came from.
+  const auto look = [&](std::size_t i, Vec3 wo) {
+    End found;
+    if (i == 0 || i + 1 == count || path.vertices[i].kind != Kind::surface) return found;
+    const scene::SurfaceHit& hit = assembled.path.inner[i - 1].hit;
+    scene::ClosureArena arena;
+    const scene::Closure closure = context_.scene.closure(hit, hit.shading.to_local(wo), arena);
+    if (closure.black) return found;
+    found.smooth = !closure.purely_delta();
+    found.cone = i >= kept.light && i < end && closure.has_delta_lobes();
+    return found;
+  };
+  Path marked = path;
+  marked.vertices[joint - 1].mollified = marked.vertices[joint].mollified = false;
+  const bool elsewhere =
+      std::ranges::any_of(marked.vertices, [](const PathVertex& v) { return v.mollified; });
+  const auto chosen = [&](std::size_t i) {
+    marked.vertices[i].mollified = true;
+    const auto found = path::mollified_vertex(context_.scene, marked, assembled.edges);
+    marked.vertices[i].mollified = false;
+    return found && found->technique() == joint;
+  };
+  const End a = look(joint - 1, joint > 1 ? -assembled.path.along[joint - 2] : Vec3{}),
+            b = look(joint, joint + 1 < count ? assembled.path.along[joint] : Vec3{});
+  return {a.smooth && b.smooth, !elsewhere && a.cone && chosen(joint - 1),
+          !elsewhere && b.cone && chosen(joint)};
+}
+
+void Subpaths::choose_way(Path& path, const Kept& kept, std::size_t joint, rng::Stream& stream) const {
+  if (joint == 0 || joint == path.vertices.size()) return;
+  if (path.vertices[joint - 1].delta || path.vertices[joint].delta) return;
+  const auto assembled = path::assemble(context_.scene, path, context_.film_border);
+  if (!assembled) return;
+  const Ways all = ways(path, *assembled, kept, joint);
+  auto choice = static_cast<std::uint32_t>(stream.next_double() * static_cast<double>(all.count()));
+  if (all.regular && choice-- == 0) return;
+  if (all.light_end && choice-- == 0)
+    path.vertices[joint - 1].mollified = true;
+  else if (all.eye_end)
+    path.vertices[joint].mollified = true;
+}
+
+double Subpaths::log_prob_way(const PathState& state, const Kept& kept, std::size_t joint) const {
+  if (state.mollified) {
+    const std::size_t m = state.mollified->vertex;
+    const bool made = m >= kept.light && m < state.path.vertices.size() - kept.eye;
+    if (made && joint != state.mollified->technique()) return kNever;
+  }
+  const std::uint32_t count = ways(state.path, state.assembled(), kept, joint).count();
+  return count > 1 ? -math::log(static_cast<double>(count)) : 0;
 }
 
 // Logs of what walks do at each vertex of a path. Index i: vertex x_i.
@@ -268,6 +328,7 @@ double Subpaths::log_pdf_area(const PathState& state, const Kept& kept, std::siz
   // A walk stays at its last vertex, unless that is an end.
   const bool light_ends = joint > std::max<std::size_t>(kept.light, 1) && joint < count;
   const bool eye_ends = joint < end && joint + 1 < count;
+  if (joins && context_.bandwidth > 0) log_density += log_prob_way(state, kept, joint);
   if (light_ends && !d.stay_light.empty()) log_density += d.stay_light[joint - 1];
   if (eye_ends && !d.stay_eye.empty()) log_density += d.stay_eye[joint];
   return log_density;

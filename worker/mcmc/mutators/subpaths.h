@@ -9,6 +9,10 @@
 //   film
 // A single vertex that is kept of a side is an end: it is joined, and no walk goes on from it. Walks have no
 // Russian roulette.
+//
+// With a bandwidth the joining edge may have a mollified end (transport/path/mollified.h): of a path that
+// turns there by a delta lobe no technique can be another one. Ends whose bsdf has both kinds of lobes are
+// joined in one of the ways that there are, each as probable as the others.
 #pragma once
 
 #include <cstdint>
@@ -46,6 +50,17 @@ class Subpaths {
   double log_pdf_area(const PathState& path, const Kept& kept, std::size_t s) const;
 
  private:
+  // The ways to take the ends x_{joint - 1} and x_joint of the joining edge.
+  struct Ways {
+    bool regular = false, light_end = false, eye_end = false;  // no cone; a cone at this end
+    std::uint32_t count() const { return (regular ? 1u : 0u) + (light_end ? 1u : 0u) + (eye_end ? 1u : 0u); }
+  };
+  Ways ways(const transport::path::Path& path, const transport::path::Assembled& assembled, const Kept& kept,
+            std::size_t joint) const;
+  void choose_way(transport::path::Path& path, const Kept& kept, std::size_t joint,
+                  rng::Stream& stream) const;
+  // Log of the probability of the way of such a path.
+  double log_prob_way(const PathState& state, const Kept& kept, std::size_t joint) const;
   struct Densities;
   const Densities& densities(const PathState& path) const;
 

@@ -42,7 +42,9 @@ bool differ_within(const path::Path& a, const path::Path& b, std::size_t begin, 
   if (a.vertices.size() != b.vertices.size()) return false;
   for (std::size_t i = 0; i < a.vertices.size(); ++i) {
     const path::PathVertex &v = a.vertices[i], &w = b.vertices[i];
-    if (v.kind != w.kind || v.delta != w.delta || v.transmitted != w.transmitted) return false;
+    if (v.kind != w.kind || v.delta != w.delta || v.transmitted != w.transmitted ||
+        v.mollified != w.mollified)
+      return false;
     if ((i < begin || i >= end) && !(v == w)) return false;
   }
   return true;

@@ -11,6 +11,8 @@
 #include "worker/scene/bsdfs/path_edited.h"
 #include "worker/scene/objects.h"
 #include "worker/transport/between.h"
+#include "worker/transport/scattering.h"
+#include "worker/transport/technique/mollify.h"
 
 namespace candela::transport::path {
 namespace {
@@ -147,6 +149,7 @@ bool Evaluation::copy_inner(const SharedEnds& shared, std::size_t i) {
     if (i + shared.sensor < k + 2) return false;
     from = i + shared.of->numbers_.edges - k;
   }
+  if (path_.inner[i - 1].cone != shared.of->path_.inner[from - 1].cone) return false;
   const PathNumbers& other = shared.of->numbers_;
   numbers_.pdf_to_eye[i] = other.pdf_to_eye[from];
   numbers_.pdf_to_light[i] = other.pdf_to_light[from];
@@ -347,6 +350,10 @@ void Evaluation::evaluate_inner(std::size_t i) {
       evaluate_delta(i, from_light, from_eye, local_light, local_eye);
       return;
     }
+    if (v.cone != Cone::none) {
+      evaluate_cone(i, from_light, from_eye);
+      return;
+    }
     n.pdf_to_eye[i] =
         static_cast<double>(from_light.pdf_solid_angle(local_light, local_eye, TransportMode::importance));
     n.pdf_to_light[i] =
@@ -375,6 +382,37 @@ void Evaluation::evaluate_delta(std::size_t i, const scene::Closure& from_light,
   x.prob_to_eye = light.prob / squared * std::abs(static_cast<double>(to_eye.z)) /
                   std::abs(static_cast<double>(to_light.z));
   x.value = eye.value;
+}
+
+// No walk goes on from here: densities stay 0. The value is such that with the cosines and lengths of
+// contribution() the edge has kappa K / l^2. [regularisation note, section 4]
+void Evaluation::evaluate_cone(std::size_t i, const scene::Closure& from_light,
+                               const scene::Closure& from_eye) {
+  const InnerVertex& v = path_.inner[i - 1];
+  const bool to_light = v.cone == Cone::towards_light;
+  const Vec3 wo = to_light ? path_.along[i] : -path_.along[i - 1], local = v.hit.shading.to_local(wo),
+             towards = to_light ? -path_.along[i - 1] : path_.along[i];
+  const std::size_t edge = to_light ? i - 1 : i, other = to_light ? i - 1 : i + 1;
+  const bool far =
+      to_light ? i == 1 && path_.light_infinite : i + 1 == path_.edge_count() && path_.lens_infinite;
+  const Vec3d way = far ? Vec3d(towards) * far_length(scene_) : place(other) - place(i);
+  const TransportMode mode = to_light ? TransportMode::radiance : TransportMode::importance;
+  const Mollifier mollifier(rules_.bandwidth);
+  const double side = dot(way, Vec3d(v.hit.ng));
+  Inner& x = inner_[i - 1];
+  for (const scene::DeltaLobe& lobe : scene::delta_lobes(to_light ? from_eye : from_light, local, mode)) {
+    const Vec3 wi = v.hit.shading.to_world(lobe.wi);
+    if (lobe.straight || !(static_cast<double>(dot(wi, v.hit.ng)) * side > 0) ||
+        !mollifier.inside(Vec3d(wi), way))
+      continue;
+    const double adjoint = to_light ? 1 : static_cast<double>(shading_correction(v.hit, wo, wi));
+    const Channels kappa = channels(lobe.value);
+    for (std::size_t c = 0; c < 3; ++c) x.value[c] += kappa[c] * adjoint;
+  }
+  const double l2 = length_squared(way), of_edge = far ? 1 : numbers_.distance_squared[edge];
+  double scale = mollifier.value_over_length_squared(l2) * (far ? l2 : of_edge);
+  if (!to_light) scale *= numbers_.factor_to_light[i] / numbers_.factor_to_eye[i];
+  for (double& value : x.value) value *= scale;
 }
 
 void Evaluation::evaluate_light() {

@@ -113,6 +113,7 @@ class Evaluation {
   void evaluate_inner(std::size_t i);
   void evaluate_delta(std::size_t i, const scene::Closure& from_light, const scene::Closure& from_eye,
                       Vec3 to_light, Vec3 to_eye);
+  void evaluate_cone(std::size_t i, const scene::Closure& from_light, const scene::Closure& from_eye);
   void evaluate_light();
   void evaluate_light_direct();
   bool evaluate_sensor();

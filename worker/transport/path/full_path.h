@@ -54,6 +54,9 @@ class Scaled {
   std::int64_t exponent_ = 0;
 };
 
+// Of a mollified vertex (mollified.h): the cone around its delta lobe opens towards this neighbor.
+enum class Cone : std::uint8_t { none, towards_light, towards_eye };
+
 struct InnerVertex {
   VertexKind kind = VertexKind::surface;
   scene::SurfaceHit hit;
@@ -63,6 +66,7 @@ struct InnerVertex {
   // so said) from the light. 0: any.
   double delta_prob = 0;
   bool delta_prob_from_light = false;
+  Cone cone = Cone::none;
 };
 
 struct FullPath {
@@ -104,6 +108,7 @@ struct Rules {
   double eye_paths = 1;  // per iteration
   // Walks pass surfaces in expectation, not by chance, on the last edge that they may have.
   std::size_t max_edges = 1u << 30, max_light_edges = 1u << 30;
+  double bandwidth = 0;           // of mollified vertices; 0: there are none
   std::uint64_t* rays = nullptr;  // counts the rays of an evaluation; null: nobody does
 };
 

@@ -17,7 +17,8 @@ bool Path::well_formed() const {
   if (vertices.size() < 2 || !is_light(vertices.front().kind) || vertices.back().kind != Kind::sensor)
     return false;
   return std::all_of(vertices.begin() + 1, vertices.end() - 1, [](const PathVertex& v) {
-    return v.kind == Kind::surface || (v.kind == Kind::medium && !v.delta);
+    if (v.mollified && v.delta) return false;
+    return v.kind == Kind::surface || (v.kind == Kind::medium && !v.delta && !v.mollified);
   });
 }
 

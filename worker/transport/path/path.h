@@ -28,6 +28,8 @@ struct PathVertex {
   // Surfaces: the path turns here by a delta lobe, which transmits or reflects. Two paths that differ in
   // a flag alone are two states.
   bool delta = false, transmitted = false;
+  // The path turns here by a delta lobe that has the form of a cone (mollified.h). Then `delta` is false.
+  bool mollified = false;
   std::uint32_t object = scene::kNone;  // the index of the emitter, or of the medium
   scene::CanonicalPoint point;          // of surfaces and surface lights
   // Medium: the place. Distant light: the unit direction to it. Sensor: x and y are the numbers that choose

@@ -10,7 +10,7 @@ namespace candela::transport::path {
 namespace {
 
 constexpr std::uint8_t kForm = 1;
-constexpr std::uint8_t kDelta = 1, kTransmitted = 2;
+constexpr std::uint8_t kDelta = 1, kTransmitted = 2, kMollified = 4;
 
 void put_f64(std::string& out, double value) {
   film::put_u64(out, std::bit_cast<std::uint64_t>(value));
@@ -30,7 +30,8 @@ std::size_t numbers_of(Kind kind) {
 
 void put_vertex(std::string& out, const PathVertex& v) {
   film::put_u8(out, static_cast<std::uint8_t>(v.kind));
-  film::put_u8(out, static_cast<std::uint8_t>((v.delta ? kDelta : 0) | (v.transmitted ? kTransmitted : 0)));
+  film::put_u8(out, static_cast<std::uint8_t>((v.delta ? kDelta : 0) | (v.transmitted ? kTransmitted : 0) |
+                                              (v.mollified ? kMollified : 0)));
   if (has_object(v.kind)) film::put_u32(out, v.object);
   if (is_on_surface(v.kind)) {
     film::put_u8(out, v.point.kind);
@@ -44,10 +45,11 @@ void put_vertex(std::string& out, const PathVertex& v) {
 
 bool read_vertex(film::Reader& reader, PathVertex& v) {
   const std::uint8_t kind = reader.u8(), flags = reader.u8();
-  if (kind >= kKinds || flags > (kDelta | kTransmitted)) return false;
+  if (kind >= kKinds || flags > (kDelta | kTransmitted | kMollified)) return false;
   v.kind = static_cast<Kind>(kind);
   v.delta = (flags & kDelta) != 0;
   v.transmitted = (flags & kTransmitted) != 0;
+  v.mollified = (flags & kMollified) != 0;
   if (flags != 0 && v.kind != Kind::surface) return false;
   if (has_object(v.kind)) v.object = reader.u32();
   if (is_on_surface(v.kind)) {
