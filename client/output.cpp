@@ -63,10 +63,12 @@ Result<ImageOutput> outputs_of(const std::optional<std::string>& output,
   return out;
 }
 
-Result<void> check_layers(const ImageOutput& output,
-                          std::initializer_list<std::pair<bool, const char*>> layers) {
+Result<void> check_layers(const ImageOutput& output, const ImageRequest& request) {
   if (!output.exr.empty()) return {};
-  for (const auto& [given, option] : layers)
+  for (const auto& [given, option] : {std::pair<bool, const char*>{request.error_layer, "--error-layer"},
+                                      {request.variance_layer, "--variance-layer"},
+                                      {request.state_layers, "--layers"},
+                                      {request.chain_layers, "--chain-layers"}})
     if (given)
       return usage_error("a PNG has no layers").with_field(option).with_mend("write an EXR: -o FILE.exr");
   return {};

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <filesystem>
-#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <string>
@@ -42,10 +41,8 @@ Result<void> check_output_path(const std::string& path, std::string_view extensi
 // of `otherwise`, if that is not empty. Errors (usage): two PNGs.
 Result<ImageOutput> outputs_of(const std::optional<std::string>& output,
                                const std::optional<std::string>& png, const std::string& otherwise);
-// Refuses layers if no EXR is written, which alone has layers: the options that ask for some, and whether
-// each is given.
-Result<void> check_layers(const ImageOutput& output,
-                          std::initializer_list<std::pair<bool, const char*>> layers);
+// Refuses layers if no EXR is written, which alone has layers, by the option that asks for one.
+Result<void> check_layers(const ImageOutput& output, const ImageRequest& request);
 // Names the contents that a PNG alone lacks; empty if an EXR is written, too.
 std::string png_note(const ImageOutput& output);
 

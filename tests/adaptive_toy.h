@@ -76,7 +76,7 @@ inline EpochPlan toy_epochs(std::string rule, std::uint64_t first, std::uint32_t
 }
 inline ToyPlan fppm_plan(EpochPlan epochs, double alpha, double k, const std::string& test,
                          std::uint32_t colors = 1) {
-  const int n = test == "antipodal" ? 6 : 12;
+  constexpr int n = 12;
   adaptive::put_levels(adaptive::levels_above(k, 0.001, 0.75), epochs.constants);
   epochs.constants["critical"] =
       std::to_string(adaptive::critical_integer(adaptive::chi_squared_quantile(alpha, n - 1) / (n - 1)));

@@ -30,8 +30,8 @@ struct SubmitOptions {
   std::optional<std::string> name, priority, share, token, output, png, frames, on_end, folder;
   std::vector<std::string> depends;
   PreviewOptions preview;
-  bool wait = false, quiet = false, json = false, error_layer = false, variance_layer = false,
-       denoise = false;
+  ImageRequest request;  // error and variance alone
+  bool wait = false, quiet = false, json = false, denoise = false;
 };
 
 // Refuses options that need --wait if --wait is not given.
@@ -40,8 +40,8 @@ Result<void> check_waits(const SubmitOptions& options) {
   const std::pair<bool, const char*> needs[] = {
       {options.output.has_value(), "--output"},
       {options.png.has_value(), "--png"},
-      {options.error_layer, "--error-layer"},
-      {options.variance_layer, "--variance-layer"},
+      {options.request.error_layer, "--error-layer"},
+      {options.request.variance_layer, "--variance-layer"},
       {options.preview.tev.has_value(), "--tev"},
       {options.preview.interval.has_value(), "--preview"},
       {options.denoise, "--denoise"},
@@ -108,12 +108,9 @@ Result<int> submit_one(Context& context, const SubmitOptions& options, Submissio
   if (options.denoise) {
     CANDELA_ASSIGN(output.denoiser, denoiser_of(options));
   }
-  WaitOptions wait{options.quiet, options.json,    options.error_layer,
-                   output,        options.preview, options.variance_layer};
+  WaitOptions wait{options.quiet, options.json, options.request, output, options.preview};
   wait.on_end = options.on_end.value_or("");
-  if (options.wait && (options.output || options.png))
-    CANDELA_TRY(check_layers(
-        output, {{options.error_layer, "--error-layer"}, {options.variance_layer, "--variance-layer"}}));
+  if (options.wait && (options.output || options.png)) CANDELA_TRY(check_layers(output, options.request));
   CANDELA_TRY(check_output(wait.output));
   // A bad address or interval is told before there is a job.
   CANDELA_TRY(plan_preview(options.preview, {}, wait.output.png));
@@ -285,11 +282,7 @@ Result<int> submit_frames(Context& context, const SubmitOptions& options, Submis
   const Result<int> fetched =
       options.output || options.png
           ? fetch_jobs(context, *farm, {group},
-                       {options.output,
-                        options.png,
-                        {.error_layer = options.error_layer, .variance_layer = options.variance_layer},
-                        options.quiet,
-                        options.denoise})
+                       {options.output, options.png, options.request, options.quiet, options.denoise})
           : Result<int>(0);
   if (!fetched.ok())
     ended.front().error = fetched.error().to_string();
@@ -342,8 +335,9 @@ void add_submit(CLI::App& app, Context& context) {
            "FILE");
   add_text(*sub, "--png", options->png, "With --wait: also write the image as sRGB PNG", "FILE");
   add_preview_options(*sub, options->preview, true);
-  sub->add_flag("--error-layer", options->error_layer, "With --wait: add the layer 'error' to the EXR");
-  sub->add_flag("--variance-layer", options->variance_layer,
+  sub->add_flag("--error-layer", options->request.error_layer,
+                "With --wait: add the layer 'error' to the EXR");
+  sub->add_flag("--variance-layer", options->request.variance_layer,
                 "With --wait: add the layer 'variance' to the EXR");
   sub->add_flag("--denoise", options->denoise,
                 "With --wait: add the layer 'denoised', as `candela fetch` does; a PNG shows that layer");

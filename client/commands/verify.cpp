@@ -77,7 +77,7 @@ Result<int> run_repair(Context& context, const VerifyOptions& options) {
     context.err << fmt::format("job {} is {}, nothing is lost\n", printable(status.id()),
                                wire::name(status.state()));
   if (!options.wait) return 0;
-  return wait_for_job(context, *farm, id, {options.quiet, options.json, false, {}});
+  return wait_for_job(context, *farm, id, {options.quiet, options.json});
 }
 
 }  // namespace

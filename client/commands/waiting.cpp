@@ -12,18 +12,6 @@
 
 namespace candela::client {
 
-Result<v1::FetchImageRequest::Half> parse_half(const std::optional<std::string>& text, bool error_layer,
-                                               bool variance_layer) {
-  if (!text) return v1::FetchImageRequest::HALF_UNSPECIFIED;
-  if (error_layer || variance_layer)
-    return usage_error(
-        fmt::format("--half and {} exclude each other: the error is estimated from both halves",
-                    error_layer ? "--error-layer" : "--variance-layer"));
-  if (*text == "A") return v1::FetchImageRequest::HALF_A;
-  if (*text == "B") return v1::FetchImageRequest::HALF_B;
-  return usage_error(fmt::format("'{}' is neither A nor B", printable(*text))).with_field("--half");
-}
-
 Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& id,
                          const WaitOptions& options) {
   CANDELA_ASSIGN(PreviewPlan plan, plan_preview(options.preview, "candela " + id, options.output.png));
@@ -57,12 +45,7 @@ Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& 
   if (options.json) context.out << wire::job_json(last) << '\n';
   const bool wants_image = !options.output.exr.empty() || !options.output.png.empty();
   const auto fetch = [&]() -> Result<void> {
-    const ImageRequest request{.error_layer = options.error_layer,
-                               .chain_layers = options.chain_layers,
-                               .estimator = options.estimator,
-                               .half = options.half,
-                               .variance_layer = options.variance_layer};
-    CANDELA_ASSIGN(const FetchedImage fetched, fetch_for(farm, id, request, options.output));
+    CANDELA_ASSIGN(const FetchedImage fetched, fetch_for(farm, id, options.request, options.output));
     CANDELA_ASSIGN(const std::string note, write_images(options.output, fetched));
     if (!note.empty() && !options.quiet) context.err << "candela: " << note << '\n';
     return {};

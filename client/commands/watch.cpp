@@ -5,6 +5,7 @@
 #include <ostream>
 
 #include "client/commands/commands.h"
+#include "client/commands/image_options.h"
 #include "client/commands/waiting.h"
 #include "client/commands/watch_many.h"
 #include "client/jobs_of_words.h"
@@ -17,10 +18,10 @@ namespace {
 struct WatchOptions {
   FarmOptions farm;
   std::vector<std::string> ids;
-  std::optional<std::string> output, png, estimator, half, on_end, mix;
+  std::optional<std::string> output, png, on_end, mix;
+  ImageOptions image;
   PreviewOptions preview;
-  bool quiet = false, json = false, error_layer = false, chain_layers = false, partial = false,
-       layers = false, variance_layer = false, denoise = false;
+  bool quiet = false, json = false;
 };
 
 Result<int> run_watch(Context& context, const WatchOptions& options) {
@@ -41,18 +42,18 @@ Result<int> run_watch(Context& context, const WatchOptions& options) {
 }
 
 Result<int> run_fetch(Context& context, const WatchOptions& options) {
-  CANDELA_ASSIGN(const auto half, parse_half(options.half, options.error_layer, options.variance_layer));
+  CANDELA_ASSIGN(const ImageRequest request, request_of(options.image));
   // Options are checked before the farm is asked.
   if (options.output.value_or("").find('{') == std::string::npos &&
       options.png.value_or("").find('{') == std::string::npos) {
     CANDELA_ASSIGN(const ImageOutput output, outputs_of(options.output, options.png, ""));
     CANDELA_TRY(check_output(output));
   }
-  if (options.denoise) CANDELA_TRY(image::Denoiser::load());
+  if (options.image.denoise) CANDELA_TRY(image::Denoiser::load());
   std::optional<image::Mix> mix;
   if (options.mix) {
-    for (const auto& [given, option] : {std::pair<bool, const char*>{options.error_layer, "--error-layer"},
-                                        {options.variance_layer, "--variance-layer"}})
+    for (const auto& [given, option] : {std::pair<bool, const char*>{request.error_layer, "--error-layer"},
+                                        {request.variance_layer, "--variance-layer"}})
       if (given)
         return usage_error("the error is estimated of the image before the mix, and is not that of the mix")
             .with_field(option)
@@ -62,13 +63,7 @@ Result<int> run_fetch(Context& context, const WatchOptions& options) {
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
   CANDELA_ASSIGN(const std::vector<v1::JobName> jobs, jobs_of_words(*farm, options.ids));
   return fetch_jobs(context, *farm, jobs,
-                    {options.output,
-                     options.png,
-                     {options.error_layer, false, options.chain_layers, options.partial, options.layers,
-                      options.estimator.value_or(""), half, options.variance_layer},
-                     false,
-                     options.denoise,
-                     std::move(mix)});
+                    {options.output, options.png, request, false, options.image.denoise, std::move(mix)});
 }
 
 }  // namespace
@@ -97,20 +92,9 @@ void add_fetch(CLI::App& app, Context& context) {
            "{frame:4} (zeros in front) are those of the job; default: the job's name and .exr",
            "FILE");
   add_text(*sub, "--png", options->png, "Write the image as sRGB PNG", "FILE");
-  sub->add_flag("--error-layer", options->error_layer,
-                "Add the layer 'error': the estimated standard deviation");
-  sub->add_flag("--variance-layer", options->variance_layer,
-                "Add the layer 'variance': the estimated variance, without bias");
-  sub->add_flag("--chain-layers", options->chain_layers,
-                "Markov chains: add the layers 'raw.chains' and 'raw.*', which make up the image");
-  sub->add_flag("--layers", options->layers,
-                "Add the layers of adaptive radii, such as 'radius', to the EXR (fppm, cppm, appm, vcmplus)");
-  add_text(*sub, "--estimator", options->estimator,
-           "optimis: estimator of the image; default: its setting `estimator`", "NAME");
-  add_text(*sub, "--half", options->half, "Write the image of one half of the samples, for denoisers", "A|B");
-  sub->add_flag("--denoise", options->denoise, kDenoiseText);
+  add_image_options(*sub, options->image);
   add_text(*sub, "--mix", options->mix, kMixText, "FILE.json");
-  sub->add_flag("--partial", options->partial,
+  sub->add_flag("--partial", options->image.request.partial,
                 "Get the image of an ended job that has lost samples (see verify)");
   add_farm_options(*sub, options->farm);
   sub->callback([&context, options] {

@@ -128,10 +128,7 @@ Result<int> fetch_jobs(Context& context, FarmClient& farm, const std::vector<v1:
     CANDELA_ASSIGN(const auto png, filled(plan.png, "--png"));
     CANDELA_ASSIGN(ImageOutput images,
                    outputs_of(output, png, output || png ? std::string() : file_name_of(job.name())));
-    CANDELA_TRY(check_layers(images, {{plan.request.error_layer, "--error-layer"},
-                                      {plan.request.variance_layer, "--variance-layer"},
-                                      {plan.request.state_layers, "--layers"},
-                                      {plan.request.chain_layers, "--chain-layers"}}));
+    CANDELA_TRY(check_layers(images, plan.request));
     images.denoiser = denoiser;
     images.mix = plan.mix;
     CANDELA_TRY(check_output(images));

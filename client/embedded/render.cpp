@@ -227,12 +227,9 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   CANDELA_ASSIGN(ImageOutput output,
                  outputs_of(options.output.empty() ? std::nullopt : std::optional(options.output),
                             options.png, file_name_of(name)));
-  CANDELA_TRY(check_layers(output, {{options.error_layer, "--error-layer"},
-                                    {options.variance_layer, "--variance-layer"},
-                                    {options.layers, "--layers"},
-                                    {options.chain_layers, "--chain-layers"}}));
+  CANDELA_TRY(check_layers(output, options.image.request));
   CANDELA_TRY(check_output(output));
-  if (options.denoise) {
+  if (options.image.denoise) {
     CANDELA_ASSIGN(output.denoiser, image::Denoiser::load());
   }
   const std::string image = output.exr.empty() ? output.png : output.exr;
@@ -240,7 +237,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   if (options.resume && options.fresh) return usage_error("--resume and --fresh exclude each other");
   CANDELA_ASSIGN(const std::vector<unsigned> threads, worker_threads(options));
   CANDELA_ASSIGN(const std::uint64_t texture_memory, texture_memory_bytes(options));
-  CANDELA_ASSIGN(const auto half, parse_half(options.half, options.error_layer, options.variance_layer));
+  CANDELA_ASSIGN(const ImageRequest request, request_of(options.image));
   CANDELA_ASSIGN(LoadedScene scene, load_scene(options.scene, context.facts));
   if (options.check) CANDELA_TRY(options.check(scene));
   warn_of_scene(context.err, scene);
@@ -311,12 +308,6 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
 
   FetchedImage fetched;
   if (last.units_merged() > 0) {
-    const ImageRequest request{.error_layer = options.error_layer,
-                               .chain_layers = options.chain_layers,
-                               .state_layers = options.layers,
-                               .estimator = options.estimator.value_or(""),
-                               .half = half,
-                               .variance_layer = options.variance_layer};
     CANDELA_ASSIGN(fetched, fetch_for(*client, id, request, output));
   }
   const auto write = [&]() -> Result<void> {
@@ -391,18 +382,7 @@ void add_render(CLI::App& app, Context& context) {
       ->type_name("FILE");
   add_text(*sub, "--png", options->png, "Also write the image as sRGB PNG", "FILE");
   add_preview_options(*sub, options->preview, true);
-  sub->add_flag("--error-layer", options->error_layer,
-                "Add the layer 'error' to the EXR: the estimated standard deviation");
-  sub->add_flag("--variance-layer", options->variance_layer,
-                "Add the layer 'variance' to the EXR: the estimated variance, without bias");
-  sub->add_flag("--layers", options->layers,
-                "Add the layers of adaptive radii, such as 'radius', to the EXR (fppm, cppm, appm, vcmplus)");
-  sub->add_flag("--chain-layers", options->chain_layers,
-                "Markov chains: add the layers 'raw.chains' and 'raw.*', which make up the image");
-  add_text(*sub, "--estimator", options->estimator,
-           "optimis: estimator of the image; default: its setting `estimator`", "NAME");
-  add_text(*sub, "--half", options->half, "Write the image of one half of the samples, for denoisers", "A|B");
-  sub->add_flag("--denoise", options->denoise, kDenoiseText);
+  add_image_options(*sub, options->image);
   add_text(*sub, "--page", options->page,
            "Serve a live page of the render on a port of this machine, such as localhost:9090", "HOST:PORT");
   sub->add_flag("--page-stay", options->page_stay,

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "client/commands/image_options.h"
 #include "client/context.h"
 #include "client/preview/preview.h"
 
@@ -14,9 +15,9 @@ struct RenderOptions {
   SceneOptions scene;
   PreviewOptions preview;
   std::string output;
-  std::optional<std::string> png, page, threads, workers, texture_memory, estimator, half;
-  bool resume = false, fresh = false, keep_state = false, quiet = false, json = false, error_layer = false,
-       variance_layer = false, chain_layers = false, layers = false, page_stay = false, denoise = false;
+  ImageOptions image;
+  std::optional<std::string> png, page, threads, workers, texture_memory;
+  bool resume = false, fresh = false, keep_state = false, quiet = false, json = false, page_stay = false;
   // Not empty: the output goes when the command ends. The user is not told of it, and, if the render is
   // stopped, is told to keep the next one by -o and this name.
   std::string keep_as = {};

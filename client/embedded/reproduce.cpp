@@ -103,6 +103,16 @@ std::optional<std::string> optional_text(const std::string& text) {
   return text.empty() ? std::nullopt : std::optional(text);
 }
 
+ImageOptions image_options(const RenderCommand& command) {
+  ImageOptions image;
+  image.request = {.error_layer = command.error_layer,
+                   .chain_layers = command.chain_layers,
+                   .variance_layer = command.variance_layer};
+  image.estimator = optional_text(command.estimator);
+  image.half = optional_text(command.half);
+  return image;
+}
+
 // The image says its settings in this form.
 std::string text_of(const SettingsMap& settings) {
   std::string out;
@@ -171,11 +181,7 @@ Result<int> render_here(Context& context, const ReproduceOptions& options, const
   render.scene = scene_options(command);
   render.output = output;
   render.threads = options.threads;
-  render.estimator = optional_text(command.estimator);
-  render.half = optional_text(command.half);
-  render.error_layer = command.error_layer;
-  render.variance_layer = command.variance_layer;
-  render.chain_layers = command.chain_layers;
+  render.image = image_options(command);
   render.quiet = options.quiet;
   render.resume = options.resume;
   render.fresh = options.fresh;
@@ -187,11 +193,8 @@ Result<int> render_here(Context& context, const ReproduceOptions& options, const
 Result<int> render_on_farm(Context& context, const ReproduceOptions& options, const Origin& origin,
                            const std::string& output) {
   const RenderCommand& command = origin.command;
-  WaitOptions wait{.quiet = options.quiet, .error_layer = command.error_layer, .output = {output, {}}};
-  wait.variance_layer = command.variance_layer;
-  wait.chain_layers = command.chain_layers;
-  wait.estimator = command.estimator;
-  CANDELA_ASSIGN(wait.half, parse_half(optional_text(command.half), false, false));
+  WaitOptions wait{.quiet = options.quiet, .output = {output, {}}};
+  CANDELA_ASSIGN(wait.request, request_of(image_options(command)));
   CANDELA_TRY(check_output(wait.output));
   CANDELA_ASSIGN(const LoadedScene scene, load_scene(scene_options(command), context.facts));
   CANDELA_TRY(check_scene(scene, origin));

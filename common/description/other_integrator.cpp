@@ -5,7 +5,6 @@
 #include "common/description/check.h"
 #include "common/description/element.h"
 #include "common/description/resolve.h"
-#include "common/description/scene_aovs.h"
 #include "common/description/text.h"
 #include "common/description/vocabulary.h"
 
@@ -84,20 +83,20 @@ Result<void> OtherIntegrator::take(const pugi::xml_node& node, std::string_view 
     return property;
   };
   Result<Property> property = parse();
-  if (plugin == "aov" && name == "aovs" && property.ok() && aovs.empty()) {
+  if (plugin == "aov" && name == "aovs" && property.ok() && requests.aovs.empty()) {
     // Another integrator runs: what of its layers cannot be had does not keep it from running.
     Result<std::string> list = aovs_of_scene(*property, true, notes);
     if (list.ok())
-      aovs = std::move(list).value();
+      requests.aovs = std::move(list).value();
     else
       notes.push_back(passed_over_note(list.error()));
   }
-  if (plugin == "lpe" && name == "layers" && property.ok() && layers.empty()) {
+  if (plugin == "lpe" && name == "layers" && property.ok() && requests.layers.empty()) {
     // Ours: any integrator can have them.
-    CANDELA_ASSIGN(layers, layers_of_scene(*property));
+    CANDELA_ASSIGN(requests.layers, layers_of_scene(*property));
   }
-  if (plugin == "edits" && name == "edits" && property.ok() && edits.empty()) {
-    CANDELA_ASSIGN(edits, read_scene_edits(*property));
+  if (plugin == "edits" && name == "edits" && property.ok() && requests.edits.empty()) {
+    CANDELA_ASSIGN(requests.edits, read_scene_edits(*property));
   }
   if (!property.ok() && is_used(own_rule)) return std::move(property).error();
   if (own != nullptr && own == running) {

@@ -8,6 +8,7 @@
 
 #include "common/description/object.h"
 #include "common/description/parameters.h"
+#include "common/description/scene_aovs.h"
 #include "common/description/xml_document.h"
 
 namespace candela::description {
@@ -18,8 +19,7 @@ struct OtherIntegrator {
   std::string_view runs;     // the name of the integrator that runs
   Parameters& parameters;    // those used in the element count as used
   std::vector<Note>& notes;  // if the scene's integrator is the one that runs: what of it is passed over
-  // Get what an element `aov`, `lpe` or `edits` asks for, unless something is there already.
-  std::string &aovs, &layers, &edits;
+  SceneRequests& requests;   // get what an element asks for, unless something is there already
 
   // An object of the element's plugin, whatever it is called. Its properties are the parameters that the
   // integrator that runs knows and whose values it can have, from the element and the integrators nested in

@@ -68,9 +68,9 @@ class Parser {
     CANDELA_ASSIGN(const std::size_t scene, parse_object(file, root, 1));
     // A shape that is wrong already has no materials to look for.
     if (errors_ == nullptr || errors_->empty()) CANDELA_TRY(add_obj_materials(drafts_, ids_, files_, notes_));
-    if (!edits_.empty())
+    if (!requests_.edits.empty())
       drafts_[scene].object->properties.push_back(
-          {std::string(kEditsOfScene), PropertyType::string, edits_, {}});
+          {std::string(kEditsOfScene), PropertyType::string, requests_.edits, {}});
     CANDELA_ASSIGN(ObjectPtr resolved,
                    resolve(drafts_, scene, ids_, {reading_.lenient, passed_over_, errors_}));
     Result<void> used = parameters_.check_all_used();
@@ -79,8 +79,8 @@ class Parser {
     return ReadScene{{std::move(resolved),
                       {files_.used().begin(), files_.used().end()},
                       std::move(notes_),
-                      std::move(aovs_),
-                      std::move(layers_)},
+                      std::move(requests_.aovs),
+                      std::move(requests_.layers)},
                      std::move(passed_over_)};
   }
 
@@ -209,25 +209,8 @@ class Parser {
     CANDELA_TRY(parse_children(file, node, index, depth));
     if (drafts_[index].broken) return {};
 
-    if (object->category == "integrator" && object->plugin == "aov" && aovs_.empty()) {
-      if (const Property* aovs = object->find("aovs")) {
-        CANDELA_ASSIGN(aovs_, aovs_of_scene(*aovs, reading_.lenient, passed_over_));
-      }
-    }
-    if (object->category == "integrator" && object->plugin == "lpe" && layers_.empty()) {
-      const Property* layers = object->find("layers");
-      if (layers == nullptr || object->properties.size() > 1)
-        return error_at(object->where, "an integrator 'lpe' has one parameter, the string 'layers'")
-            .with_mend("write <string name=\"layers\" value=\"layer NAME=EXPR; ...\"/>");
-      CANDELA_ASSIGN(layers_, layers_of_scene(*layers));
-    }
-    if (object->category == "integrator" && object->plugin == "edits" && edits_.empty()) {
-      const Property* edits = object->find("edits");
-      if (edits == nullptr || object->properties.size() > 1)
-        return error_at(object->where, "an integrator 'edits' has one parameter, the string 'edits'")
-            .with_mend("write <string name=\"edits\" value='{\"edits\": [...]}'/>");
-      CANDELA_ASSIGN(edits_, read_scene_edits(*edits));
-    }
+    if (object->category == "integrator")
+      CANDELA_TRY(add_requests(*object, reading_.lenient, passed_over_, requests_));
     if (object->category == "integrator" && rule == nullptr) {
       if (const auto nested = stand_in::integrator_inside(drafts_, index, notes_)) {
         drafts_[index].given_way = *nested;
@@ -324,8 +307,8 @@ class Parser {
   // An <integrator> where another one runs.
   Result<void> pass_over_integrator(const File& file, const pugi::xml_node& node, std::size_t parent,
                                     int depth) {
-    const OtherIntegrator reader{
-        file.document, file.legacy, reading_.integrator, parameters_, passed_over_, aovs_, layers_, edits_};
+    const OtherIntegrator reader{file.document, file.legacy,  reading_.integrator,
+                                 parameters_,   passed_over_, requests_};
     parameters_.assume_usual(false);
     Result<std::shared_ptr<Object>> read = reader.read(node, depth);
     parameters_.assume_usual(reading_.lenient);
@@ -642,7 +625,7 @@ class Parser {
   std::map<std::string, std::size_t, std::less<>> ids_;
   std::vector<Note> notes_;
   std::vector<Note> passed_over_;
-  std::string aovs_, layers_, edits_;
+  SceneRequests requests_;
   std::size_t include_count_ = 0;
   std::set<std::size_t> has_integrator_;  // drafts that an <integrator> in place of another was put into
 };

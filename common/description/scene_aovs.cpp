@@ -64,6 +64,31 @@ Result<std::string> read_scene_edits(const Property& edits) {
   return error_at(edits.where, message).with_mend(list.error().mend);
 }
 
+Result<void> add_requests(const Object& integrator, bool lenient, std::vector<Note>& passed_over,
+                          SceneRequests& requests) {
+  if (integrator.plugin == "aov" && requests.aovs.empty()) {
+    if (const Property* aovs = integrator.find("aovs")) {
+      CANDELA_ASSIGN(requests.aovs, aovs_of_scene(*aovs, lenient, passed_over));
+    }
+  }
+  const auto only = [&](const char* name, const char* example) -> Result<const Property*> {
+    const Property* property = integrator.find(name);
+    if (property != nullptr && integrator.properties.size() == 1) return property;
+    return error_at(integrator.where, fmt::format("an integrator '{}' has one parameter, the string '{}'",
+                                                  integrator.plugin, name))
+        .with_mend(fmt::format("write <string name=\"{}\" value={}/>", name, example));
+  };
+  if (integrator.plugin == "lpe" && requests.layers.empty()) {
+    CANDELA_ASSIGN(const Property* layers, only("layers", "\"layer NAME=EXPR; ...\""));
+    CANDELA_ASSIGN(requests.layers, layers_of_scene(*layers));
+  }
+  if (integrator.plugin == "edits" && requests.edits.empty()) {
+    CANDELA_ASSIGN(const Property* edits, only("edits", "'{\"edits\": [...]}'"));
+    CANDELA_ASSIGN(requests.edits, read_scene_edits(*edits));
+  }
+  return {};
+}
+
 bool is_layer_element(std::string_view plugin) {
   return plugin == "aov" || plugin == "lpe" || plugin == "edits";
 }

@@ -26,6 +26,15 @@ Result<std::string> read_scene_edits(const Property& edits);
 // A read scene has that text in a property of this name.
 inline constexpr std::string_view kEditsOfScene = "edits";
 
+// Requests of a scene's integrators, as the functions above return them.
+struct SceneRequests {
+  std::string aovs, layers, edits;
+};
+// Adds what an integrator `aov`, `lpe` or `edits` asks for, unless there is such a request already. Fails
+// (input) on a bad one, and on an `lpe` or `edits` of other parameters.
+Result<void> add_requests(const Object& integrator, bool lenient, std::vector<Note>& passed_over,
+                          SceneRequests& requests);
+
 // True if the element makes layers or edits and leaves the image to the integrator inside the element.
 bool is_layer_element(std::string_view plugin);
 

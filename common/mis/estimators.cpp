@@ -121,34 +121,4 @@ Color crossfit(const Allocation& allocation, const Sums& half0, const Sums& half
   return parts[0];
 }
 
-// Columns of the regression: an intercept 1 and d_k = p_k / p_c = M c_k; y = f / p_c = M f / q.
-Color fan(const Allocation& allocation, const Sums& batch, std::size_t dropped, double lambda) {
-  constexpr std::size_t kMaxColumns = kMaxTechniques + 1;
-  const std::size_t n = allocation.techniques;
-  const double m = allocation.total();
-  const Vector r = batch.control_sums(allocation);
-  std::array<std::array<double, kMaxColumns>, kMaxColumns> gram{};
-  std::array<std::size_t, kMaxColumns> columns{};
-  std::size_t count = 0;
-  for (std::size_t column = 0; column <= n; ++column)
-    if (column != dropped) columns[count++] = column;
-  const auto product = [&](std::size_t i, std::size_t j) {  // i >= j
-    if (i == 0) return batch.samples(allocation);
-    return j == 0 ? m * r[i - 1] : m * m * batch.a[packed(i - 1, j - 1)];
-  };
-  for (std::size_t i = 0; i < count; ++i) {
-    for (std::size_t j = 0; j <= i; ++j) gram[i][j] = product(columns[i], columns[j]);
-    gram[i][i] += lambda;
-  }
-  const Ldlt<kMaxColumns> ldlt(gram, count, lambda > 0 ? 0 : kMinPivot);
-  Color out{};
-  for (std::size_t k = 0; k < kColors; ++k) {
-    std::array<double, kMaxColumns> rhs{};
-    for (std::size_t i = 0; i < count; ++i)
-      rhs[i] = columns[i] == 0 ? m * batch.balance_sum(allocation, k) : m * m * batch.b[k][columns[i] - 1];
-    for (const double h : ldlt.solve(rhs)) out[k] += h;
-  }
-  return out;
-}
-
 }  // namespace candela::mis

@@ -12,8 +12,6 @@
 //   direct       alpha from the same sums; biased by O(1/T), consistent
 //   progressive  alpha of an epoch from all epochs before it; unbiased
 //   crossfit     alpha of each half from the other half; unbiased
-//   fan          [Fan 2006] as [Kondapaneni 2019, supplement, Algorithm 3] has it: one batch of few samples,
-//                a technique's column left out, the intercept in the ridge. Inconsistent; for comparison
 #pragma once
 
 #include <array>
@@ -52,8 +50,5 @@ std::array<Color, 2> direct_halves(const Allocation& allocation, const Sums& hal
 Color crossfit(const Allocation& allocation, const Sums& half0, const Sums& half1, int scale_log2);
 Color direct(const Allocation& allocation, std::span<const Sums> parts, int scale_log2);
 Color progressive(const Allocation& allocation, std::span<const Sums> epochs, int scale_log2);
-
-// F of one batch, by the system without column `dropped` (0: the intercept, i + 1: technique i).
-Color fan(const Allocation& allocation, const Sums& batch, std::size_t dropped, double lambda = 1);
 
 }  // namespace candela::mis

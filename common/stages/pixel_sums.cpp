@@ -49,7 +49,8 @@ bool has_specs(const std::vector<AccumulatorSpec>& accumulators, std::size_t tec
                AccumulatorSpec::Per per, std::size_t groups) {
   const auto has = [&](const std::string& name, std::uint32_t channels) {
     return std::any_of(accumulators.begin(), accumulators.end(), [&](const AccumulatorSpec& spec) {
-      return spec.name == name && spec.channels == parts(per) * channels && spec.per == per;
+      return spec.name == name && spec.channels == parts(per) * channels && spec.per == per &&
+             spec.domain == AccumulatorSpec::Domain::film;
     });
   };
   for (std::size_t g = 0; g < groups; ++g)

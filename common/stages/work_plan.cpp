@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 
 #include "common/chains/chains.h"
 #include "common/film/layers.h"
@@ -49,6 +50,49 @@ Result<void> validate(const DevelopmentPlan& plan) {
   return validate_constants("development.constants", plan.constants);
 }
 
+// Who reads one of these accumulators asks for it by its name, and knows its domain. Rules and developments
+// check the domains of all others themselves.
+bool known_domain(const film::AccumulatorSpec& spec) {
+  using Domain = film::AccumulatorSpec::Domain;
+  if (spec.name == light_visibility::kCounts) return spec.domain != Domain::keys;
+  return !spec.name.starts_with(kAovPrefix) || spec.domain != Domain::table;
+}
+
+enum class Part : std::uint8_t { second_layer, sums_of_epochs, chains, epochs, development };
+
+bool has(const WorkPlan& plan, Part part) {
+  switch (part) {
+    case Part::second_layer:
+      return plan.layers.size() + 1 >= chains::kImageLayers;
+    case Part::sums_of_epochs:
+      return std::any_of(plan.accumulators.begin(), plan.accumulators.end(),
+                         [](const auto& spec) { return spec.per == film::AccumulatorSpec::Per::epoch; });
+    case Part::chains:
+      return plan.chains.has_value();
+    case Part::epochs:
+      return plan.epochs.has_value();
+    case Part::development:
+      return plan.development.has_value();
+  }
+  return false;
+}
+
+// Pairs of parts of which one needs or excludes the other. All other pairs go together: the state of an epoch
+// is frozen for iterations and for segments of chains.
+struct Pair {
+  Part part;
+  enum Rule : std::uint8_t { needs, excludes } rule;
+  Part other;
+  std::string_view field, message;
+};
+constexpr std::array<Pair, 3> kPairs{{
+    {Part::chains, Pair::needs, Part::second_layer, "layers",
+     "a job of chains has a second layer, which is part of the image"},
+    {Part::chains, Pair::excludes, Part::development, "development", "a job of chains has its own"},
+    {Part::sums_of_epochs, Pair::needs, Part::epochs, "accumulators",
+     "one is kept for each epoch, and there are no epochs"},
+}};
+
 }  // namespace
 
 Result<void> validate(const WorkPlan& plan, std::uint32_t width, std::uint32_t height) {
@@ -56,31 +100,18 @@ Result<void> validate(const WorkPlan& plan, std::uint32_t width, std::uint32_t h
     return plan_error("layers", layout.error().message);
   if (auto valid = film::validate(plan.accumulators, width, height); !valid.ok())
     return plan_error("accumulators", valid.error().message);
-  // Who reads an accumulator asks for it by its name, and knows its domain.
-  for (const film::AccumulatorSpec& spec : plan.accumulators) {
-    using Domain = film::AccumulatorSpec::Domain;
-    const bool known = spec.name == light_visibility::kCounts ? spec.domain != Domain::keys
-                       : spec.name.starts_with(kAovPrefix)    ? spec.domain != Domain::table
-                                                              : spec.domain == Domain::film;
-    if (!known)
+  for (const film::AccumulatorSpec& spec : plan.accumulators)
+    if (!known_domain(spec))
       return plan_error("accumulators",
                         fmt::format("'{}' is kept in another domain than its readers know", spec.name));
-  }
-  if (plan.chains) {
+  if (plan.chains)
     if (auto valid = chains::validate(*plan.chains); !valid.ok())
       return plan_error(fmt::format("chains.{}", valid.error().field), valid.error().message);
-    if (plan.layers.size() + 1 < chains::kImageLayers)
-      return plan_error("layers", "a job of chains has a second layer, which is part of the image");
-    if (plan.epochs) return plan_error("epochs", "a job of chains has none");
-    if (plan.development) return plan_error("development", "a job of chains has its own");
-  }
+  for (const Pair& pair : kPairs)
+    if (has(plan, pair.part) && has(plan, pair.other) != (pair.rule == Pair::needs))
+      return plan_error(pair.field, std::string(pair.message));
   if (plan.development) CANDELA_TRY(validate(*plan.development));
-  if (plan.epochs) return validate(*plan.epochs);
-  const bool per_epoch =
-      std::any_of(plan.accumulators.begin(), plan.accumulators.end(),
-                  [](const auto& spec) { return spec.per == film::AccumulatorSpec::Per::epoch; });
-  if (per_epoch) return plan_error("accumulators", "one is kept for each epoch, and there are no epochs");
-  return {};
+  return plan.epochs ? validate(*plan.epochs) : Result<void>();
 }
 
 }  // namespace candela

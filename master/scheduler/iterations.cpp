@@ -1,6 +1,7 @@
-// Iterations: any range of a half that nobody has.
+// Iterations: any range of a half that nobody has, within one open epoch if the job has epochs.
 #include <algorithm>
 
+#include "master/scheduler/open_epochs.h"
 #include "master/scheduler/unit_source.h"
 
 namespace candela::master {
@@ -8,28 +9,47 @@ namespace {
 
 class IterationSource final : public UnitSource {
  public:
+  explicit IterationSource(const std::optional<EpochPlan>& epochs) : epochs_(epochs) {}
   Unit::Kind kind() const override { return Unit::Kind::iterations; }
   std::optional<Unit> cut(const JobView& job, std::uint64_t want) override {
     std::uint32_t half = half_behind();
     for (int i = 0; i < 2; ++i, half = 1 - half) {
-      const auto [begin, end] = reserved_[half].first_gap(0, job.open_to[half]);
+      const auto [begin, end] = reserved_[half].first_gap(0, epochs_.open_end(job, half));
       if (begin == end) continue;
-      const Unit unit{kind(), half, begin, begin + std::min(want, end - begin)};
+      const Unit unit{kind(), half, begin,
+                      std::min(begin + std::min(want, end - begin), epochs_.unit_end(job, begin))};
       reserved_[half].insert(unit.begin, unit.end);
       return unit;
     }
     return std::nullopt;
   }
   bool has_unit(const JobView& job) const override {
-    return !contains(reserved_[0], 0, job.open_to[0]) || !contains(reserved_[1], 0, job.open_to[1]);
+    return !contains(reserved_[0], 0, epochs_.open_end(job, 0)) ||
+           !contains(reserved_[1], 0, epochs_.open_end(job, 1));
   }
   Extent extent(const JobView& job) const override { return film_extent(job, reserved_); }
+  std::uint64_t open_indices(const JobView& job) const override { return epochs_.open_indices(job); }
+  UnitInput input(const JobView& job, const Unit& unit, FilmInputs::Records) const override {
+    return {{}, epochs_.states(job, unit)};
+  }
+  std::optional<std::uint64_t> due_decision(const JobView& job) const override {
+    return epochs_.due_decision(job);
+  }
+  bool complete(const HalfSets& indices, std::string& why) const override {
+    return epochs_.complete(indices, why);
+  }
+
+ protected:
+  bool ready(const JobView& job, const Unit& unit) const override { return epochs_.holds(job, unit); }
+
+ private:
+  const OpenEpochs epochs_;
 };
 
 }  // namespace
 
-std::unique_ptr<UnitSource> make_iteration_source() {
-  return std::make_unique<IterationSource>();
+std::unique_ptr<UnitSource> make_iteration_source(const std::optional<EpochPlan>& epochs) {
+  return std::make_unique<IterationSource>(epochs);
 }
 
 }  // namespace candela::master

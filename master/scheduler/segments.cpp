@@ -1,10 +1,12 @@
 // Segments of Markov chains: a segment can be cut when its chain's segment before is merged. A straggler
-// holds up its own chains, and the segments behind them are skipped.
+// holds up its own chains, and the segments behind them are skipped. If the job has epochs, each segment
+// starts from the state of its epoch, too.
 #include <fmt/format.h>
 
 #include <algorithm>
 
 #include "master/scheduler/free_segments.h"
+#include "master/scheduler/open_epochs.h"
 #include "master/scheduler/unit_source.h"
 
 namespace candela::master {
@@ -18,7 +20,8 @@ constexpr std::uint64_t kUnitsPerWorker = 4;
 
 class SegmentSource final : public UnitSource {
  public:
-  explicit SegmentSource(const ChainPlan& plan) : chains_(plan.chains), per_round_(plan.chains / 2) {}
+  SegmentSource(const ChainPlan& plan, const std::optional<EpochPlan>& epochs)
+      : chains_(plan.chains), per_round_(plan.chains / 2), epochs_(epochs) {}
   Unit::Kind kind() const override { return Unit::Kind::segments; }
   StageCost cost() const override {
     StageCost cost;
@@ -32,9 +35,10 @@ class SegmentSource final : public UnitSource {
     std::uint32_t half = half_behind();
     for (int i = 0; i < 2; ++i, half = 1 - half) {
       const SegmentRun run =
-          free_segments(job.merged[half], reserved_[half], per_round_, job.open_to[half], want);
+          free_segments(job.merged[half], reserved_[half], per_round_, epochs_.open_end(job, half), want);
       if (run.length == 0) continue;
-      const Unit unit{kind(), half, run.begin, run.begin + std::min(run.length, want)};
+      const Unit unit{kind(), half, run.begin,
+                      std::min(run.begin + std::min(run.length, want), epochs_.unit_end(job, run.begin))};
       reserved_[half].insert(unit.begin, unit.end);
       return unit;
     }
@@ -42,12 +46,13 @@ class SegmentSource final : public UnitSource {
   }
   bool has_unit(const JobView& job) const override {
     for (std::uint32_t h = 0; h < 2; ++h)
-      if (free_segments(job.merged[h], reserved_[h], per_round_, job.open_to[h], 1).length > 0) return true;
+      if (free_segments(job.merged[h], reserved_[h], per_round_, epochs_.open_end(job, h), 1).length > 0)
+        return true;
     return false;
   }
   Extent extent(const JobView& job) const override { return film_extent(job, reserved_); }
   std::uint64_t open_indices(const JobView& job) const override {
-    return std::min<std::uint64_t>(chains_, UnitSource::open_indices(job));
+    return std::min<std::uint64_t>(chains_, epochs_.open_indices(job));
   }
   std::uint64_t max_unit(const JobView& job) const override {
     const std::uint64_t share = chains_ / (kUnitsPerWorker * std::max<std::uint64_t>(job.active_workers, 1));
@@ -60,6 +65,9 @@ class SegmentSource final : public UnitSource {
     if (unit.kind == Unit::Kind::bootstrap) return Claim::merged;  // its stage is over
     return UnitSource::claim(merged, unit);
   }
+  std::optional<std::uint64_t> due_decision(const JobView& job) const override {
+    return epochs_.due_decision(job);
+  }
   bool complete(const HalfSets& indices, std::string& why) const override {
     for (const film::IndexSet& half : indices)
       for (const auto& [begin, end] : half.ranges()) {
@@ -71,11 +79,11 @@ class SegmentSource final : public UnitSource {
             fmt::format("segment {} goes on from segment {}, which is not asked for", gap + per_round_, gap);
         return false;
       }
-    return true;
+    return epochs_.complete(indices, why);
   }
   bool needs_film() const override { return true; }
   UnitInput input(const JobView& job, const Unit& unit, FilmInputs::Records records) const override {
-    UnitInput out;
+    UnitInput out{{}, epochs_.states(job, unit)};
     for (std::uint64_t i = unit.begin; i < unit.end; ++i) {
       const std::uint64_t chain = chains::chain_of(unit.half, i, chains_);
       UnitStart start;
@@ -89,7 +97,7 @@ class SegmentSource final : public UnitSource {
 
  protected:
   bool ready(const JobView& job, const Unit& unit) const override {
-    if (unit.end - unit.begin > per_round_) return false;
+    if (unit.end - unit.begin > per_round_ || !epochs_.holds(job, unit)) return false;
     if (unit.end <= per_round_) return true;
     const std::uint64_t first = std::max(unit.begin, per_round_) - per_round_;
     return contains(job.merged[unit.half], first, unit.end - per_round_);
@@ -98,12 +106,14 @@ class SegmentSource final : public UnitSource {
  private:
   const std::uint32_t chains_;
   const std::uint64_t per_round_;  // chains of a half
+  const OpenEpochs epochs_;
 };
 
 }  // namespace
 
-std::unique_ptr<UnitSource> make_segment_source(const ChainPlan& plan) {
-  return std::make_unique<SegmentSource>(plan);
+std::unique_ptr<UnitSource> make_segment_source(const ChainPlan& plan,
+                                                const std::optional<EpochPlan>& epochs) {
+  return std::make_unique<SegmentSource>(plan, epochs);
 }
 
 }  // namespace candela::master

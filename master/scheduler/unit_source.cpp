@@ -9,15 +9,6 @@ std::uint64_t UnitSource::max_unit(const JobView&) const {
   return std::numeric_limits<std::uint64_t>::max();
 }
 
-std::uint64_t UnitSource::open_indices(const JobView& job) const {
-  std::uint64_t open = 0;
-  for (std::uint32_t h = 0; h < 2; ++h) {
-    const std::uint64_t lacking = missing(job.merged[h], job.open_to[h]);
-    open += lacking - std::min(lacking, job.unwanted[h]);
-  }
-  return open;
-}
-
 bool UnitSource::take(const JobView& job, const Unit& unit) {
   return unit.begin < unit.end && claim(job.merged, unit) == Claim::open && ready(job, unit) &&
          reserved_[unit.half].insert(unit.begin, unit.end);
@@ -60,8 +51,7 @@ std::unique_ptr<UnitSource> make_source(const JobRow& row) {
 }
 
 std::unique_ptr<UnitSource> make_film_source(const JobRow& row) {
-  if (row.chains) return make_segment_source(*row.chains);
-  return row.epochs ? make_epoch_source(*row.epochs) : make_iteration_source();
+  return row.chains ? make_segment_source(*row.chains, row.epochs) : make_iteration_source(row.epochs);
 }
 
 }  // namespace candela::master

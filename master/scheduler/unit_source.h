@@ -1,6 +1,6 @@
 // A stage of a job's work as the scheduler sees it: which units there are, which of them can be rendered now,
-// and what each starts from. Pilot, bootstrap, iterations, iterations in epochs, and segments are stages;
-// make_source() is the one place that tells them apart.
+// and what each starts from. Pilot, bootstrap, iterations and segments are stages; iterations and segments
+// may come in epochs (open_epochs.h). make_source() is the one place that tells stages apart.
 //
 // Pure logic without a clock. A source remembers which indices it has cut into units; what is merged is told
 // by the caller, who keeps one set for the job.
@@ -103,7 +103,7 @@ class UnitSource {
   virtual Extent extent(const JobView& job) const = 0;
   // Indices that can be rendered at the same time now, by any number of workers: those in units, and those
   // that could be cut.
-  virtual std::uint64_t open_indices(const JobView& job) const;
+  virtual std::uint64_t open_indices(const JobView& job) const = 0;
   // No unit that is cut now has more indices.
   virtual std::uint64_t max_unit(const JobView& job) const;
 
@@ -152,8 +152,8 @@ std::unique_ptr<UnitSource> make_film_source(const JobRow& row);
 // The makers of the single stages.
 std::unique_ptr<UnitSource> make_pilot_source();
 std::unique_ptr<UnitSource> make_bootstrap_source(const ChainPlan& plan);
-std::unique_ptr<UnitSource> make_iteration_source();
-std::unique_ptr<UnitSource> make_epoch_source(const EpochPlan& plan);
-std::unique_ptr<UnitSource> make_segment_source(const ChainPlan& plan);
+std::unique_ptr<UnitSource> make_iteration_source(const std::optional<EpochPlan>& epochs);
+std::unique_ptr<UnitSource> make_segment_source(const ChainPlan& plan,
+                                                const std::optional<EpochPlan>& epochs);
 
 }  // namespace candela::master

@@ -98,6 +98,7 @@ LocalJob local_job(const WorkPlan& work, const film::Layout& layout, int film_sc
                {},
                empty_carry(work.accumulators, layout.width, layout.height)};
   const std::array<std::uint64_t, 2> target = {(iterations + 1) / 2, iterations / 2};
+  const Unit::Kind kind = work.chains ? Unit::Kind::segments : Unit::Kind::iterations;
   const auto run = [&](const Unit& unit, std::uint64_t epoch, std::string_view state) {
     if (unit.begin >= unit.end) return;
     integrators::UnitOutput output = render(unit, state);
@@ -105,17 +106,15 @@ LocalJob local_job(const WorkPlan& work, const film::Layout& layout, int film_sc
     merge(job, unit, epoch, output);
   };
   if (!work.epochs) {
-    for (std::uint32_t half = 0; half < 2; ++half)
-      run({Unit::Kind::iterations, half, 0, target[half]}, 0, {});
+    for (std::uint32_t half = 0; half < 2; ++half) run({kind, half, 0, target[half]}, 0, {});
     return job;
   }
   const Epochs epochs(work.epochs->first, work.epochs->growth);
   for (std::uint64_t e = 0; epochs.begin_index(e) < target[0] && !testing::Test::HasFatalFailure(); ++e) {
     decide_next(job);
     for (std::uint32_t half = 0; half < 2; ++half)
-      run({Unit::Kind::iterations, half, epochs.begin_index(e),
-           std::min(epochs.begin_index(e + 1), target[half])},
-          e, job.states.back());
+      run({kind, half, epochs.begin_index(e), std::min(epochs.begin_index(e + 1), target[half])}, e,
+          job.states.back());
   }
   return job;
 }
@@ -123,9 +122,13 @@ LocalJob local_job(const WorkPlan& work, const film::Layout& layout, int film_sc
 void expect_checkpoint(const std::filesystem::path& file, const LocalJob& job) {
   const auto bytes = read_file(file, 1 << 28);
   ASSERT_TRUE(bytes.ok()) << bytes.error().to_string();
-  const auto found = master::parse_checkpoint(*bytes, {0, job.work.accumulators, job.work.epochs});
+  const std::uint32_t chains = job.work.chains ? job.work.chains->chains : 0;
+  const auto found = master::parse_checkpoint(*bytes, {chains, job.work.accumulators, job.work.epochs});
   ASSERT_TRUE(found.ok()) << found.error().to_string();
   EXPECT_TRUE(found->film.serialise() == job.film.serialise()) << "the film";
+  ASSERT_EQ(found->records.size(), job.records.size());
+  for (std::size_t c = 0; c < job.records.size(); ++c)
+    EXPECT_TRUE(*found->records[c] == job.records[c]) << "chain " << c;
   std::uint64_t folded = 0;
   if (job.work.epochs) {
     expect_decisions(found->decisions, job);

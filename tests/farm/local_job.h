@@ -21,9 +21,10 @@ struct LocalJob {
   master::Accumulators accumulators;  // of all epochs, also those that are folded
   std::vector<std::string> states;
   Carry carry;
+  std::vector<chains::ChainRecord> records = {};  // of a job of chains, by chain: the renderer keeps them
 };
 
-// Renders a unit. `state`: that of its epoch; empty for a job without epochs.
+// Renders a unit: of a job of chains, segments. `state`: that of its epoch; empty for a job without epochs.
 using RenderUnit = std::function<integrators::UnitOutput(const Unit&, std::string_view state)>;
 
 LocalJob local_job(const WorkPlan& work, const film::Layout& layout, int film_scale_log2,

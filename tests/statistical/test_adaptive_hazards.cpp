@@ -130,19 +130,19 @@ TEST(AdaptiveHazards, TexturedLightsDeceiveCounts) {
   EXPECT_EQ(median_of(counts, 11, 13), 1);
 }
 
-// Claim: a gradient shrinks the radii of sectors and not those of antipodal pairs.
+// Claim: a gradient shrinks the radii of sectors and not those of nested discs.
 TEST(AdaptiveHazards, GradientsDeceiveSectors) {
   const auto sectors = radii_of(from_study("gradient"), "fppm", 4, {{"test", "sectors"}});
-  const auto pairs = radii_of(from_study("gradient"), "fppm", 4, {{"test", "antipodal"}});
-  std::printf("gradient: median radius, sectors %.2f, antipodal %.2f\n", median_of(sectors, 0, kSide),
-              median_of(pairs, 0, kSide));
+  const auto discs = radii_of(from_study("gradient"), "fppm", 4, {{"test", "nested"}});
+  std::printf("gradient: median radius, sectors %.2f, nested %.2f\n", median_of(sectors, 0, kSide),
+              median_of(discs, 0, kSide));
   EXPECT_LT(median_of(sectors, 0, kSide), 0.8);
-  EXPECT_EQ(median_of(pairs, 0, kSide), 1);
+  EXPECT_EQ(median_of(discs, 0, kSide), 1);
 }
 
 // Claim: curvature is seen: the light of a point close above has smaller radii below it than far away.
 TEST(AdaptiveHazards, CurvatureShrinks) {
-  for (const char* test : {"sectors", "antipodal", "nested"}) {
+  for (const char* test : {"sectors", "nested"}) {
     const auto radii = radii_of(from_study("curvature"), "fppm", 6, {{"test", test}});
     double center = 0;
     for (const std::size_t row : {11U, 12U})

@@ -109,41 +109,6 @@ TEST(Optimis, AgreesWithPath) {
   }
 }
 
-// Claim: an iteration of fan is what its paths bring, with their direct light replaced by the solution of
-// their own sums, the column of the last technique left out.
-TEST(Optimis, FanSolvesEachIteration) {
-  const SettingsMap settings = {
-      {"weights", "optimal"}, {"selection", "contribution,power,uniform"}, {"max_depth", "3"}};
-  for (const char* scene : {"many-lamps", "envmap"}) {
-    Job sums(scene, "optimis", settings),
-        fan(scene, "optimis", with(settings, {{"estimator", "fan"}, {"batch", "3"}}));
-    EXPECT_FALSE(fan.work().development);
-    Merged solved = fan.empty();
-    fan.merge(solved, 1, 2, 3);
-    Merged paths = sums.empty();
-    sums.merge(paths, 1, 6, 9);
-    const std::vector<float> image = solved.film.develop(0), mean = paths.film.develop(0);
-    const film::AccumulatorSpec& matrix = sums.work().accumulators.at(0);
-    std::size_t n = 1;
-    while (mis::packed_size(n) < matrix.channels) ++n;
-    const mis::Allocation allocation = mis::Allocation::ones(n);
-    std::size_t changed = 0;
-    for (std::uint32_t y = 0; y < kExtent; ++y)
-      for (std::uint32_t x = 0; x < kExtent; ++x) {
-        const mis::Sums pixel = pixel_sums::read(&paths.sums[1][0], &paths.sums[1][1], x, y, n, 0);
-        const double batches = pixel.samples(allocation) / allocation.total();
-        const mis::Color f = mis::fan(allocation, pixel, n);
-        for (std::size_t k = 0; k < 3; ++k) {
-          const std::size_t at = (std::size_t{y} * kExtent + x) * 3 + k;
-          const double more = (batches * f[k] - pixel.balance_sum(allocation, k)) / 3;
-          ASSERT_NEAR(image[at], static_cast<double>(mean[at]) + more, 1e-4 * (1 + std::abs(more))) << scene;
-          changed += std::abs(more) > 1e-2 * static_cast<double>(mean[at]) ? 1 : 0;
-        }
-      }
-    EXPECT_GT(changed, std::size_t{kExtent} * kExtent) << scene;
-  }
-}
-
 // Claim: with one technique, sample for sample, and with two and the balance heuristic, within rounding of
 // floats, the film is that of `path`.
 TEST(Optimis, IsPathWithItsTechniques) {
@@ -168,8 +133,8 @@ TEST(Optimis, IsPathWithItsTechniques) {
 // Claim: sums and images are the same bits with one thread and four, and however the iterations are cut into
 // units and in whichever order they are merged.
 TEST(Optimis, UnitsAndThreadsChangeNothing) {
-  for (const SettingsMap& settings : {SettingsMap{}, SettingsMap{{"estimator", "progressive"}},
-                                      SettingsMap{{"weights", "best"}}, SettingsMap{{"estimator", "fan"}}}) {
+  for (const SettingsMap& settings :
+       {SettingsMap{}, SettingsMap{{"estimator", "progressive"}}, SettingsMap{{"weights", "best"}}}) {
     Job job("many-lamps", "optimis", with(kEverything, settings));
     Merged whole = job.empty(), cut = job.empty();
     for (const std::uint32_t half : {0U, 1U}) job.merge(whole, half, 0, 6, 1);
@@ -460,13 +425,11 @@ TEST(Optimis, PlanSaysWhy) {
   EXPECT_FALSE(point.work().development);
   EXPECT_NE(many.plan().find("3 techniques, 240 bytes of sums a pixel"), std::string::npos) << many.plan();
   const Job best("many-lamps", "optimis", {{"weights", "best"}}),
-      progressive("many-lamps", "optimis", {{"estimator", "progressive"}}),
-      fan("many-lamps", "optimis", {{"estimator", "fan"}});
+      progressive("many-lamps", "optimis", {{"estimator", "progressive"}});
   EXPECT_NE(best.plan().find("(contribution, power)"), std::string::npos) << "points are in the scene\n"
                                                                           << best.plan();
   EXPECT_NE(progressive.plan().find("240 bytes a pixel for each of 3 epochs"), std::string::npos)
       << progressive.plan();
-  EXPECT_NE(fan.plan().find("iteration of 4 paths"), std::string::npos) << fan.plan();
 }
 
 }  // namespace

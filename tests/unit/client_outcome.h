@@ -5,8 +5,11 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <sstream>
 #include <string>
+#include <vector>
 
+#include "client/embedded/app.h"
 #include "tests/temporary_folder.h"
 
 namespace candela::client {
@@ -15,6 +18,14 @@ struct Outcome {
   int code;
   std::string out, err;
 };
+
+// Calls the program in this process. `words`: without its name.
+inline Outcome run_candela(std::vector<std::string> words) {
+  words.insert(words.begin(), "candela");
+  std::ostringstream out, err;
+  const int code = run_program(words, out, err);
+  return {code, out.str(), err.str()};
+}
 
 // Commands run with an empty configuration, whatever the machine's own is.
 class CommandTest : public ::testing::Test {

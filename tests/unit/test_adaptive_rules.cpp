@@ -279,19 +279,6 @@ TEST(FppmRule, StopsAtTheFloor) {
   EXPECT_EQ(levels, (std::vector<int>{1, 1, 2, 2}));
 }
 
-// Claim: antipodal pairs keep the radius in an odd field, which sectors shrink; both shrink in an even one.
-TEST(FppmRule, AntipodalIsBlindToGradients) {
-  const std::vector<int> odd = {30, 30, 30, 5, 5, 5, 30, 30, 30, 5, 5, 5};
-  for (const std::string test : {"sectors", "antipodal"}) {
-    Job job = fppm(0, test);
-    job.photons(0, odd);
-    job.photons(1, kUneven);
-    job.next();
-    EXPECT_EQ(job.level(0), test == "sectors" ? 1 : 0);
-    EXPECT_EQ(job.level(1), 1);
-  }
-}
-
 // Claim: a photon of 10^3 mean contributions puts the test to sleep until the others are as many (section 8).
 TEST(FppmRule, AFireflyPutsTheTestToSleep) {
   Job job = fppm(0);

@@ -36,10 +36,8 @@ class Compare : public testing::Test {
     return in_folder(name);
   }
   static Outcome run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), {"candela", "compare"});
-    std::ostringstream out, err;
-    const int code = run_program(arguments, out, err);
-    return {code, out.str(), err.str()};
+    arguments.insert(arguments.begin(), "compare");
+    return run_candela(arguments);
   }
 
   const fs::path folder_ = fs::path(testing::TempDir()) / ("compare-" + std::to_string(::getpid()));

@@ -23,10 +23,8 @@ class Convert : public CommandTest {
   std::string in_folder(const std::string& name) const { return (folder_.path() / name).string(); }
 
   static Outcome run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), {"candela", "convert"});
-    std::ostringstream out, err;
-    const int code = run_program(arguments, out, err);
-    return {code, out.str(), err.str()};
+    arguments.insert(arguments.begin(), "convert");
+    return run_candela(arguments);
   }
   // The code of a channel of an 8-bit picture.
   static int code_at(const std::string& file, std::size_t at) {

@@ -22,11 +22,9 @@ using State = Diagnosis::State;
 class Doctor : public CommandTest {
  protected:
   Outcome run(const std::vector<std::string>& more) const {
-    std::vector<std::string> arguments = {"candela", "doctor"};
+    std::vector<std::string> arguments = {"doctor"};
     arguments.insert(arguments.end(), more.begin(), more.end());
-    std::ostringstream out, err;
-    const int code = run_program(arguments, out, err);
-    return {code, out.str(), err.str()};
+    return run_candela(arguments);
   }
   // Its checks by name.
   std::map<std::string, nlohmann::json> report(std::vector<std::string> more, int code) const {

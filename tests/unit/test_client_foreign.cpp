@@ -11,6 +11,7 @@
 #include "common/base/version.h"
 #include "common/job/job.h"
 #include "common/wire/wire.h"
+#include "tests/unit/client_outcome.h"
 
 namespace candela::client {
 namespace {
@@ -27,16 +28,9 @@ class FakeFarm final : public v1::FarmService::Service {
   }
   ~FakeFarm() override { server_->Shutdown(std::chrono::system_clock::now()); }
 
-  struct Outcome {
-    int code;
-    std::string out, err;
-  };
   Outcome run(std::vector<std::string> arguments) const {
-    arguments.insert(arguments.begin(), "candela");
     arguments.insert(arguments.end(), {"--master", fmt::format("127.0.0.1:{}", port_), "--timeout", "500ms"});
-    std::ostringstream out, err;
-    const int code = run_program(arguments, out, err);
-    return {code, out.str(), err.str()};
+    return run_candela(arguments);
   }
 
   grpc::Status GetServerInfo(grpc::ServerContext*, const v1::GetServerInfoRequest*,

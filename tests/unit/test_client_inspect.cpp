@@ -39,10 +39,8 @@ class Inspect : public CommandTest {
     return in_folder(name);
   }
   static Outcome run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), {"candela", "inspect", "falsecolor"});
-    std::ostringstream out, err;
-    const int code = run_program(arguments, out, err);
-    return {code, out.str(), err.str()};
+    arguments.insert(arguments.begin(), {"inspect", "falsecolor"});
+    return run_candela(arguments);
   }
   // The color in a PNG; the picture is centered above its scale.
   static image::Color8 pixel(const std::string& file, std::uint32_t x, std::uint32_t y) {

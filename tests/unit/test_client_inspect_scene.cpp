@@ -37,10 +37,8 @@ class InspectScene : public CommandTest {
     return in_folder(name);
   }
   static Outcome run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), {"candela", "inspect"});
-    std::ostringstream out, err;
-    const int code = run_program(arguments, out, err);
-    return {code, out.str(), err.str()};
+    arguments.insert(arguments.begin(), "inspect");
+    return run_candela(arguments);
   }
   static std::string bytes(const std::string& file) {
     const auto read = read_file(file, 1u << 30);

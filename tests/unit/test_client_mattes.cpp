@@ -46,12 +46,7 @@ class Mattes : public testing::Test {
   void TearDown() override { fs::remove_all(folder_); }
 
   std::string in_folder(const std::string& name) const { return (folder_ / name).string(); }
-  static Outcome run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), "candela");
-    std::ostringstream out, err;
-    const int code = run_program(arguments, out, err);
-    return {code, out.str(), err.str()};
-  }
+  static Outcome run(std::vector<std::string> arguments) { return run_candela(arguments); }
   void render(const std::string& integrator, const std::string& name) const {
     std::vector<std::string> words = {"render",        in_folder("scene.xml"), "--quiet", "-o",
                                       in_folder(name), "--integrator",         integrator};

@@ -30,12 +30,7 @@ class Outputs : public testing::Test {
 
   std::string in_folder(const std::string& name) const { return (folder_ / name).string(); }
 
-  static Outcome run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), "candela");
-    std::ostringstream out, err;
-    const int code = run_program(arguments, out, err);
-    return {code, out.str(), err.str()};
-  }
+  static Outcome run(std::vector<std::string> arguments) { return run_candela(arguments); }
   Outcome render(const std::string& output) const {
     return run({"render", in_folder("scene.xml"), "--iterations", "1", "--quiet", "-o", output});
   }

@@ -185,11 +185,9 @@ class PreviewTest : public testing::Test {
   std::string in_folder(const std::string& name) const { return (folder_.path() / name).string(); }
   Outcome render(const std::vector<std::string>& more) const {
     std::vector<std::string> arguments = {
-        "candela", "render", in_folder("scene.xml"), "-o", in_folder("x.exr"), "--quiet", "--threads", "1"};
+        "render", in_folder("scene.xml"), "-o", in_folder("x.exr"), "--quiet", "--threads", "1"};
     arguments.insert(arguments.end(), more.begin(), more.end());
-    std::ostringstream out, err;
-    const int code = run_program(arguments, out, err);
-    return {code, out.str(), err.str()};
+    return run_candela(arguments);
   }
   std::vector<float> pixels(const std::string& name) const { return image::read_image(in_folder(name))->rgb; }
 

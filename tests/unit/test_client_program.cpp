@@ -27,10 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 
 Outcome run(std::vector<std::string> arguments) {
-  arguments.insert(arguments.begin(), "candela");
-  std::ostringstream out, err;
-  const int code = run_program(arguments, out, err);
-  return {code, out.str(), err.str()};
+  return run_candela(arguments);
 }
 
 v1::JobStatus running_job() {

@@ -32,12 +32,7 @@ class ReproduceTest : public CommandTest {
     CommandTest::SetUp();
     write_scene("scene.xml", "0.5");
   }
-  static Outcome run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), "candela");
-    std::ostringstream out, err;
-    const int code = run_program(arguments, out, err);
-    return {code, out.str(), err.str()};
-  }
+  static Outcome run(std::vector<std::string> arguments) { return run_candela(arguments); }
   std::string in_folder(const std::string& name) const { return (folder_.path() / name).string(); }
   void write_scene(const std::string& name, const std::string& reflectance) {
     std::ofstream(in_folder(name))

@@ -18,11 +18,9 @@ namespace {
 class Slurm : public CommandTest {
  protected:
   Outcome run(std::vector<std::string> more, const std::string& master = "farm:7070") const {
-    std::vector<std::string> arguments = {"candela", "slurm", "--master", master, "--insecure"};
+    std::vector<std::string> arguments = {"slurm", "--master", master, "--insecure"};
     arguments.insert(arguments.end(), more.begin(), more.end());
-    std::ostringstream out, err;
-    const int code = run_program(arguments, out, err);
-    return {code, out.str(), err.str()};
+    return run_candela(arguments);
   }
   // Whether bash reads the script to its end, and finds no fault.
   static bool bash_reads(const std::string& path) {

@@ -309,8 +309,7 @@ TEST(Adaptive, RingsAreOfFppm) {
     const char* test;
     const char* rings;
     std::uint32_t channels;
-  } forms[] = {
-      {"nested", "false", 12}, {"sectors", "true", 72}, {"antipodal", "true", 72}, {"nested", "true", 72}};
+  } forms[] = {{"nested", "false", 12}, {"sectors", "true", 72}, {"nested", "true", 72}};
   for (const auto& form : forms) {
     const auto renderer =
         make("fppm", kBox, {{"radius", "0.05"}, {"test", form.test}, {"rings", form.rings}}, "gaussian");

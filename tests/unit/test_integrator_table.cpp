@@ -28,7 +28,9 @@ TEST(IntegratorTable, RetiredSettingsKeepTheirLastValue) {
   struct Case {
     const char *integrator, *name, *kept, *refused;
   };
-  for (const Case& c : {Case{"appm", "recursive_correction", "false", "true"}}) {
+  for (const Case& c :
+       {Case{"appm", "recursive_correction", "false", "true"}, Case{"optimis", "batch", "4", "3"},
+        Case{"vcmplus", "test", "sectors", "antipodal"}}) {
     SCOPED_TRACE(c.integrator);
     const auto kept = render::complete_integrator_settings(c.integrator, {}, {{c.name, c.kept}});
     ASSERT_TRUE(kept.ok()) << kept.error().to_string();

@@ -5,6 +5,7 @@
 #include <map>
 
 #include "common/rng/stream.h"
+#include "common/stages/epochs.h"
 #include "master/scheduler/free_segments.h"
 #include "tests/unit/scheduler_fixture.h"
 
@@ -49,12 +50,13 @@ constexpr std::uint64_t kSamples = 1000, kMutations = 100;
 
 class ChainSchedulerTest : public SchedulerFixture {
  protected:
-  void job(const std::string& id, std::uint64_t iterations) {
+  void job(const std::string& id, std::uint64_t iterations, const std::optional<EpochPlan>& epochs = {}) {
     s->submit(row(id, iterations), now());
     worker("pilot");
     const auto l = lease("pilot");
     PilotResult result{
         {17}, "", 1, {.layers = {"independent"}, .chains = ChainPlan{kChains, kSamples, kMutations}}};
+    result.work.epochs = epochs;
     ASSERT_TRUE(s->complete_pilot("pilot", l->row.token, result, now()));
     s->deregister("pilot", now());
   }
@@ -135,26 +137,46 @@ TEST_F(ChainSchedulerTest, BootstrapResultsMustFit) {
 
 // Claim: whoever asks, delivers all or the first segments, fails, hands back, falls silent or takes over, in
 // any order, every segment is cut when its chain's one before is merged, no unit has a chain twice, and all
-// of the target are merged once. An iteration of the stop rule is a round.
+// of the target are merged once. An iteration of the stop rule is a round. If the job has epochs, no unit
+// crosses a border, and each comes with the state of its epoch, which is decided when what it needs is
+// merged.
 TEST_F(ChainSchedulerTest, SegmentsFollowTheirChains) {
   constexpr std::uint64_t kRounds = 7;
+  const EpochPlan plan{70, 4, 1, "rule", {}};  // borders lie amid rounds
+  const Epochs epochs(plan.first, plan.growth);
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     s = std::make_unique<Scheduler>(options(), 1, 1);
     clock = 100;
     rng::Stream stream(rng::key(seed, 3));
     const int workers = 1 + static_cast<int>(stream.next_double() * 6);
     for (int w = 0; w < workers; ++w) worker(std::string(1, static_cast<char>('a' + w)));
-    job("j", kRounds);
+    const bool in_epochs = seed % 2 == 1;
+    job("j", kRounds, in_epochs ? std::optional(plan) : std::nullopt);
     bootstrap("a");
+    EXPECT_EQ(s->epoch_jobs().size(), in_epochs ? 1U : 0U);
     std::array<film::IndexSet, 2> merged;
     std::vector<std::pair<Lease, Unit>> held;
     for (int step = 0; step < 20000 && !s->job("j")->finishing; ++step) {
       at(clock + 0.1);
       const std::string w(1, static_cast<char>('a' + static_cast<int>(stream.next_double() * workers)));
       const double u = stream.next_double();
+      for (const EpochJob& d : s->epoch_jobs()) {
+        if (!d.due || stream.next_double() > 0.3) continue;
+        for (const film::IndexSet& half : merged) {
+          ASSERT_TRUE(contains(half, 0, epochs.begin_index(epochs_before(d.states, plan.lag))));
+        }
+        s->decided({d.job_id, d.states, "rule", std::string(64, 'a'), 1}, now());
+      }
       if (u < 0.4) {
-        if (const auto l = lease(w, stream.next_double() < 0.3)) {
+        s->authenticate(w, "session-" + w, now());
+        const AcquireResult result = s->acquire(w, {}, {stream.next_double() < 0.3, false}, now());
+        if (const auto& l = result.lease) {
           const Unit unit = unit_of(*l);
+          ASSERT_EQ(result.input.states.size(), in_epochs ? 1U : 0U);
+          if (in_epochs) {
+            ASSERT_EQ(result.input.states[0].epoch, epochs.of_index(unit.begin));
+            ASSERT_EQ(result.input.states[0].epoch, epochs.of_index(unit.end - 1));
+          }
           ASSERT_EQ(unit.kind, Unit::Kind::segments);
           ASSERT_LE(unit.end - unit.begin, kChains / 2);
           for (std::uint64_t i = unit.begin; i < unit.end; ++i) {

@@ -372,28 +372,6 @@ TEST(MisEstimators, RoundingIsHarmless) {
   }
 }
 
-// Claim: the estimator of Fan et al. has the bias of its ridge.
-TEST(MisEstimators, FanIsBiased) {
-  struct Case {
-    const char* problem;
-    std::size_t dropped;
-    double mean, standard_error;
-  };
-  for (const Case& c : {Case{"D2", 1, 0.267444779113652, 0.000268}, Case{"D1", 2, 0.298273095677176, 0.00011},
-                        Case{"D2", 0, 0.314890797060834, 0.000319}}) {
-    MisProblem p = test::mis_problem(c.problem);
-    p.techniques.resize(2);
-    p.allocation = Allocation{2, {4, 4}};
-    Mean mean;
-    for (std::uint64_t seed = 0; seed < 100000; ++seed) {
-      rng::Stream random(rng::key(11, seed));
-      mean.add(mis::fan(p.allocation, test::mis_batch(p, random), c.dropped)[0]);
-    }
-    EXPECT_NEAR(mean.mean(), c.mean, kSigmas * std::hypot(mean.error(), c.standard_error)) << c.problem;
-    EXPECT_LT(mean.mean(), 0.340846482 * 0.95);
-  }
-}
-
 // Claim: sums add in any grouping to the same estimate within rounding of doubles.
 TEST(MisEstimators, SumsMerge) {
   const MisProblem p = test::mis_problem("D7");

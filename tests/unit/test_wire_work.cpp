@@ -32,7 +32,6 @@ TEST(WireWorkPlan, ComesBackAsItWas) {
   for (const bool chains : {false, true}) {
     WorkPlan plan = whole_plan();
     if (chains) {
-      plan.epochs.reset();
       plan.development.reset();
       plan.chains = ChainPlan{100, 5000, 1U << 20};
     }
@@ -86,13 +85,11 @@ TEST(WorkPlan, PartsAreChecked) {
   EXPECT_EQ(field([](WorkPlan& p) { p.accumulators[3].per = AccumulatorSpec::Per::epoch; }),
             "work.accumulators");
   EXPECT_EQ(field([](WorkPlan& p) { p.accumulators[2].entries = 0; }), "work.accumulators");
-  for (const std::size_t other : {2U, 3U})
-    EXPECT_EQ(field(other == 2 ? [](WorkPlan& p) { p.accumulators[2].name = "statistics"; }
-                               : [](WorkPlan& p) { p.accumulators[3].name = "statistics"; }),
-              "work.accumulators")
-        << "a domain that its readers do not know";
+  EXPECT_EQ(field([](WorkPlan& p) { p.accumulators[2].name = "statistics"; }), "valid") << "rules check it";
+  EXPECT_EQ(field([](WorkPlan& p) { p.accumulators[2].name = "aov.statistics"; }), "work.accumulators")
+      << "a domain that its readers do not know";
+  EXPECT_EQ(field([](WorkPlan& p) { p.accumulators[3].name = "light.visibility"; }), "work.accumulators");
   EXPECT_EQ(field([](WorkPlan&) {}, 16384), "work.accumulators") << "too large together";
-  EXPECT_EQ(field([](WorkPlan& p) { p.epochs.reset(); }), "work.accumulators") << "of epochs that are not";
   EXPECT_EQ(field([](WorkPlan& p) { p.epochs->first = 0; }), "work.epochs.first");
   EXPECT_EQ(field([](WorkPlan& p) { p.epochs->first = 9; }), "work.epochs.first");
   EXPECT_EQ(field([](WorkPlan& p) { p.epochs->growth = 0; }), "work.epochs.growth");
@@ -100,13 +97,29 @@ TEST(WorkPlan, PartsAreChecked) {
   EXPECT_EQ(field([](WorkPlan& p) { p.epochs->rule.clear(); }), "work.epochs.rule");
   EXPECT_EQ(field([](WorkPlan& p) { p.epochs->constants.emplace(std::string(), std::string("x")); }),
             "work.epochs.constants");
-  EXPECT_EQ(field([](WorkPlan& p) { p.chains = ChainPlan{4, 10, 10}; }), "work.epochs");
   EXPECT_EQ(field([](WorkPlan& p) { p.chains = ChainPlan{5, 10, 10}; }), "work.chains.chains");
-  EXPECT_EQ(field([](WorkPlan& p) {
-              p.layers.clear();
-              p.chains = ChainPlan{4, 10, 10};
-            }),
-            "work.layers");
+}
+
+// Claim: of all sets of parts those are valid of which each two go together, and the error of the others
+// names the part that is wrong: chains need a second layer and have a read-out of their own, sums for each
+// epoch need epochs. Chains and epochs go together.
+TEST(WorkPlan, PairsOfPartsAreChecked) {
+  for (unsigned parts = 0; parts < 32; ++parts) {
+    const bool layers = parts & 1U, chains = parts & 2U, epochs = parts & 4U, development = parts & 8U,
+               sums = parts & 16U;
+    WorkPlan plan = whole_plan();
+    if (!layers) plan.layers.clear();
+    if (chains) plan.chains = ChainPlan{4, 10, 10};
+    if (!epochs) plan.epochs.reset();
+    if (!development) plan.development.reset();
+    if (!sums) plan.accumulators = {plan.accumulators[1]};
+    const std::string expected = chains && !layers       ? "work.layers"
+                                 : chains && development ? "work.development"
+                                 : sums && !epochs       ? "work.accumulators"
+                                                         : "valid";
+    const auto checked = validate(plan, 64, 64);
+    EXPECT_EQ(checked.ok() ? "valid" : checked.error().field, expected) << parts;
+  }
 }
 
 }  // namespace

@@ -24,12 +24,14 @@ namespace candela::toy {
 
 inline constexpr double kLargeStep = 0.3;
 inline constexpr int kPilotScale = 12;
+inline constexpr const char* kStepRule = "toy.step";  // a state: a double
 
 struct Toy {
   ChainPlan plan{40, 1000, 200};
   bool black = false;           // f is zero
   bool direct = false;          // g is not
   std::size_t state_bytes = 0;  // padding of states
+  double step = 0.02;           // of small steps; of a job with epochs: in the first ones
 
   static Toy from(const SettingsMap& settings) {
     const auto number = [&](const char* key) { return std::stoull(settings.at(key)); };
@@ -100,8 +102,12 @@ class ToyRenderer final : public render::Renderer {
       const std::uint64_t chain = chains::chain_of(unit.half, i, toy_.plan.chains);
       if (starts[i - unit.begin].record.segments != chains::segment_of(i, toy_.plan.chains))
         return input_error("a start of another segment");
+      const chains::ChainRecord& start = starts[i - unit.begin].record;
       output.records.push_back(
-          segment(chain, starts[i - unit.begin], input.state.bootstrap_b, film, tallies));
+          segment(chain, starts[i - unit.begin], step_of(input), input.state.bootstrap_b, film, tallies));
+      if (!output.accumulators.empty())
+        count_small_steps(start.counts, output.records.back().counts, rng::key(seed_, 5, chain, i),
+                          *output.accumulators[0], tallies);
       std::this_thread::sleep_for(per_segment_);
       if (context.stop != nullptr && *context.stop) return refused_error("stopped");
       if (context.progress != nullptr)
@@ -125,7 +131,25 @@ class ToyRenderer final : public render::Renderer {
     const auto v = static_cast<float>(value);
     film.splat(layer, p % width_, p / width_, {v, v, v}, key, tallies);
   }
-  chains::ChainRecord segment(std::uint64_t chain, const chains::ChainStart& start, double b0,
+  // The decided one, if the job has epochs.
+  double step_of(const render::UnitInput& input) const {
+    double step = toy_.step;
+    const auto state = input.states.find(kStepRule);
+    if (state != input.states.end()) std::memcpy(&step, state->second.data(), sizeof step);
+    return step;
+  }
+  // Proposed and accepted ones of a segment, into the only entry of a table.
+  static void count_small_steps(const chains::ChainCounts& before, const chains::ChainCounts& after,
+                                std::uint64_t key, film::UnitAccumulator& table, film::Tallies& tallies) {
+    const auto small = [](std::uint64_t all, std::uint64_t large) {
+      return static_cast<double>(all - large);
+    };
+    const std::array<double, 2> counts{
+        small(after.mutations - before.mutations, after.large_steps - before.large_steps),
+        small(after.accepted - before.accepted, after.large_accepted - before.large_accepted)};
+    table.splat(0, 0, 0, counts, key, tallies);
+  }
+  chains::ChainRecord segment(std::uint64_t chain, const chains::ChainStart& start, double step, double b0,
                               film::UnitFilm& film, film::Tallies& tallies) const {
     chains::ChainRecord record = start.record;
     chains::ChainCounts& c = record.counts;
@@ -138,7 +162,7 @@ class ToyRenderer final : public render::Renderer {
       rng::Stream stream(rng::key(seed_, 0x6dULL, chain, m));
       const bool large = stream.next_double() < kLargeStep;
       const double shift = stream.next_double();
-      double v = large ? shift : u + 0.02 * (shift - 0.5);
+      double v = large ? shift : u + step * (shift - 0.5);
       v -= std::floor(v);
       const double now = toy_.f(pixel(u)), then = toy_.f(pixel(v));
       ++c.mutations;
@@ -199,7 +223,8 @@ struct Expected {
   }
 };
 
-inline Expected expect(const JobSettings& settings, std::uint64_t rounds) {
+// The bootstrap, without any segment. `samples`: the starts of the chains.
+inline Expected expect_bootstrap(const JobSettings& settings, std::vector<std::uint64_t>& samples) {
   const ToyRenderer renderer(settings);
   const ChainPlan plan = Toy::from(settings.integrator_settings).plan;
   const film::Layout layout{settings.width, settings.height, 3};
@@ -213,7 +238,17 @@ inline Expected expect(const JobSettings& settings, std::uint64_t rounds) {
   state.film_scale_log2 = chains::film_scale_log2(state.bootstrap_b, kPilotScale);
   Expected out{film::MergedFilm(layout, state.film_scale_log2), {}, table.sums(), state};
   out.records.resize(plan.chains);
-  const std::vector<std::uint64_t> samples = table.choose_starts(plan.chains, settings.seed);
+  samples = table.choose_starts(plan.chains, settings.seed);
+  return out;
+}
+
+inline Expected expect(const JobSettings& settings, std::uint64_t rounds) {
+  const ToyRenderer renderer(settings);
+  const ChainPlan plan = Toy::from(settings.integrator_settings).plan;
+  const film::Layout layout{settings.width, settings.height, 3};
+  std::vector<std::uint64_t> samples;
+  Expected out = expect_bootstrap(settings, samples);
+  const NamedState& state = out.state;
   const std::uint64_t n = plan.chains / 2;
   for (std::uint64_t round = 0; round < rounds; ++round)
     for (std::uint32_t half = 0; half < 2; ++half) {

@@ -98,7 +98,8 @@ Result<void> validate_plan(const WorkPlan& plan) {
   CANDELA_ASSIGN(const Techniques techniques, techniques_of(*plan.development));
   const auto has = [&](std::string_view name, std::size_t channels) {
     return std::any_of(plan.accumulators.begin(), plan.accumulators.end(), [&](const AccumulatorSpec& spec) {
-      return spec.name == name && spec.channels == channels && spec.per == AccumulatorSpec::Per::job;
+      return spec.name == name && spec.channels == channels && spec.per == AccumulatorSpec::Per::job &&
+             spec.domain == AccumulatorSpec::Domain::film;
     });
   };
   if (has(kSingles, singles_channels(techniques.count)) && has(kSquares, techniques.count) &&

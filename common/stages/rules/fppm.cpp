@@ -65,9 +65,10 @@ std::uint64_t fppm_memo_bytes(const EpochPlan& plan) {
 Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
   const SettingsMap& constants = input.plan.constants;
   CANDELA_ASSIGN(const std::string test,
-                 adaptive::get_word(constants, "test", {"sectors", "antipodal", "nested"}, "sectors"));
+                 adaptive::get_word(constants, "test", {"sectors", "nested"}, "sectors"));
   CANDELA_ASSIGN(const std::string rings, adaptive::get_word(constants, "rings", {"0", "1"}, "0"));
-  if (rings == "1" || test == "nested") return decide_fppm_rings(input, carry, test, rings == "1");
+  if (rings == "1" || test == "nested")
+    return decide_fppm_rings(input, carry, test == "nested", rings == "1");
   CANDELA_TRY(check_input(input, carry, fppm_accumulators(), memo_planes(constants)));
   CANDELA_ASSIGN(const adaptive::Levels levels, adaptive::get_levels(constants));
   CANDELA_ASSIGN(const std::uint64_t critical, adaptive::get_integer(constants, "critical"));
@@ -93,11 +94,7 @@ Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
   const auto is_zero = [](const std::vector<Int128>& values) {
     return std::all_of(values.begin(), values.end(), [](Int128 value) { return value == 0; });
   };
-  const auto rejects = [&](const adaptive::SectorSums& one) {
-    if (test != "antipodal") return adaptive::f_exceeds(one, critical);
-    const auto pairs = adaptive::antipodal(one.sums.first<adaptive::kSectorChannels>());
-    return adaptive::f_exceeds({pairs, one.squares, square_shift}, critical);
-  };
+  const auto rejects = [&](const adaptive::SectorSums& one) { return adaptive::f_exceeds(one, critical); };
   std::size_t pixel = 0;
   for (std::uint32_t y = 0; y < input.height; ++y)
     for (std::uint32_t x = 0; x < input.width; ++x, ++pixel) {

@@ -30,9 +30,7 @@ std::uint64_t fppm_rings_memo_bytes(bool nested) {
   return kPlanes + (nested ? kRings * kPassBytes : 0);
 }
 
-Result<std::string> decide_fppm_rings(const DecisionInput& input, Carry& carry, const std::string& test,
-                                      bool rings) {
-  const bool nested = test == "nested";
+Result<std::string> decide_fppm_rings(const DecisionInput& input, Carry& carry, bool nested, bool rings) {
   const std::vector<std::string> names = {rings ? adaptive::kRingSectors : adaptive::kDiscs,
                                           adaptive::kRingSquares};
   CANDELA_TRY(check_input(input, carry, names, fppm_rings_memo_bytes(nested)));
@@ -77,9 +75,7 @@ Result<std::string> decide_fppm_rings(const DecisionInput& input, Carry& carry, 
       const int before = level_at(state, pixel);
       int level = before;
       count_up(carry.memo[pixel]);
-      if (rings)
-        level =
-            adaptive::ring_level(sums, squares, square_shift, critical, test != "sectors", level, deepest);
+      if (rings) level = adaptive::ring_level(sums, squares, square_shift, critical, nested, level, deepest);
       if (nested) {
         for (std::size_t g = 0; g < kRings; ++g) {
           for (std::size_t s = 0; s < per_ring; ++s)

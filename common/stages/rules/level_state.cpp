@@ -9,12 +9,15 @@ namespace candela::rules {
 Result<void> check_input(const DecisionInput& input, Carry& carry, const std::vector<std::string>& names,
                          std::size_t memo_planes, std::size_t state_planes) {
   const std::size_t pixels = pixels_of(input);
-  const auto has_names = [&](const auto& sums, const auto& name_of) {
+  const auto has_names = [&](const auto& sums, const auto& spec_of) {
     return sums.size() == names.size() &&
-           std::equal(sums.begin(), sums.end(), names.begin(),
-                      [&](const auto& sum, const std::string& name) { return name_of(sum) == name; });
+           std::equal(sums.begin(), sums.end(), names.begin(), [&](const auto& sum, const std::string& name) {
+             const film::AccumulatorSpec& spec = spec_of(sum);
+             return spec.name == name && spec.domain == film::AccumulatorSpec::Domain::film;
+           });
   };
-  if (!has_names(carry.sums, [](const auto& sum) { return sum.spec().name; }))
+  if (!has_names(
+          carry.sums, [](const auto& sum) -> const auto& { return sum.spec(); }))
     return failed_error(
         fmt::format("the rule '{}' needs accumulators that are not the job's", input.plan.rule));
   if (input.epoch == 0) carry.memo.assign(memo_planes * pixels, '\0');
@@ -23,7 +26,8 @@ Result<void> check_input(const DecisionInput& input, Carry& carry, const std::ve
   if (input.epoch != 0 && input.previous.size() != state_planes * pixels)
     return failed_error("the state before is of another film");
   if (!input.folded) return {};
-  if (!has_names(input.folded->sums, [](const auto* sum) { return sum->spec().name; }) ||
+  if (!has_names(
+          input.folded->sums, [](const auto* sum) -> const auto& { return sum->spec(); }) ||
       input.folded->state.size() != state_planes * pixels)
     return failed_error("the epoch to fold is of another film");
   return {};

@@ -13,7 +13,6 @@ Result<Results> run_fppm_comparison(const Request& request) {
                                   {"cppm 5 %", "cppm", {{"alpha_chi", "0.05"}}},
                                   {"fppm", "fppm", {{"test", "sectors"}}},
                                   {"fppm 5 %", "fppm", {{"test", "sectors"}, {"alpha_f", "0.05"}}},
-                                  {"fppm antipodal", "fppm", {{"test", "antipodal"}}},
                                   {"fppm rings", "fppm", {{"test", "sectors"}, {"rings", "true"}}},
                                   {"fppm nested", "fppm", {{"test", "nested"}}},
                                   {"fppm rings nested", "fppm", {{"test", "nested"}, {"rings", "true"}}},

@@ -32,17 +32,11 @@ constexpr Scene kScenes[] = {
     {"textured-lamp", "tests/statistical/transport/textured-lamp.xml", nullptr, 128, 128},
 };
 
-struct Method {
-  const char* name;
-  const char* integrator;
-  SettingsMap settings;
-};
 const std::vector<Method>& methods() {
   static const std::vector<Method> all = {
       {"ppm", "ppm", {}},
       {"cppm", "cppm", {}},
       {"fppm", "fppm", {}},
-      {"fppm antipodal", "fppm", {{"test", "antipodal"}}},
       {"fppm rings nested", "fppm", {{"test", "nested"}, {"rings", "true"}}},
   };
   return all;

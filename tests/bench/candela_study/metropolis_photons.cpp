@@ -17,11 +17,6 @@ std::vector<double> floors(bool short_form) {
   return short_form ? std::vector<double>{6} : std::vector<double>{2, 4, 8, 16, 32, 64};
 }
 
-struct Method {
-  const char* name;
-  const char* integrator;
-  SettingsMap settings;
-};
 const std::vector<Method>& methods() {
   static const std::vector<Method> all = {
       {"ppm", "ppm", {}},

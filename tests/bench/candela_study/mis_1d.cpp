@@ -23,10 +23,9 @@ namespace {
 
 using statistical::Moments;
 
-constexpr int kDoublings = 7;     // up to 128 batches
-constexpr int kSumsScale = 40;    // of sums that were not rounded: a ridge for rounding far below any noise
-constexpr int kFanBatch = 4;      // samples of each technique
-constexpr double kFanLambda = 1;  // [Fan 2006]
+constexpr int kDoublings = 7;   // up to 128 batches
+constexpr int kSumsScale = 40;  // of sums that were not rounded: a ridge for rounding far below any noise
+constexpr int kFanBatch = 4;    // samples of each technique
 constexpr std::uint64_t kFanWord = 0x66616e;
 
 // ---- weights
@@ -127,7 +126,7 @@ class Run {
       batch.add(n_.techniques, samples_[k].c, {samples_[k].f_over_q, 0, 0});
     fan_group_.add(batch);
     if ((batches_ + 1) % kFanBatch == 0) {
-      fan_sum_ += mis::fan(grouped(n_), grouped(fan_group_), n_.techniques, kFanLambda)[0];
+      fan_sum_ += fan(grouped(n_), grouped(fan_group_), n_.techniques);
       fan_group_ = {};
     }
     return batch;
@@ -218,7 +217,7 @@ void add_fan(const std::string& name, std::uint64_t runs, std::vector<Row>& rows
                     found.error() / exact.integral});
     rows.push_back({"fan", name, method, kNone, kNone, "variance", found.variance(), kNone});
   };
-  std::array<Moments, 3> fan;  // by the column left out
+  std::array<Moments, 3> without;  // by the column left out
   Moments direct;
   std::vector<MisSample> samples;
   for (std::uint64_t seed = 1; seed <= runs; ++seed) {
@@ -227,15 +226,15 @@ void add_fan(const std::string& name, std::uint64_t runs, std::vector<Row>& rows
     problem.draw(random, samples);
     mis::Sums batch;
     for (const MisSample& sample : samples) batch.add(2, sample.c, {sample.f_over_q, 0, 0});
-    for (std::size_t dropped = 0; dropped < fan.size(); ++dropped)
-      fan[dropped].add(mis::fan(problem.allocation, batch, dropped, kFanLambda)[0]);
+    for (std::size_t dropped = 0; dropped < without.size(); ++dropped)
+      without[dropped].add(fan(problem.allocation, batch, dropped));
     direct.add(
         estimate(problem.allocation, batch,
                  mis::correction(problem.allocation, batch, mis::solve(problem.allocation, batch, 0))[0], 1));
   }
-  add("without the intercept", fan[0]);
-  add("without p1", fan[1]);
-  add("without p2", fan[2]);
+  add("without the intercept", without[0]);
+  add("without p1", without[1]);
+  add("without p2", without[2]);
   add("direct, ridge 0", direct);
   rows.push_back(
       {"fan", name, "optimal", kNone, kNone, "variance", exact_variance(problem, exact, "optimal"), 0});

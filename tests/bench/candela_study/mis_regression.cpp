@@ -1,8 +1,11 @@
 #include "tests/bench/candela_study/mis_regression.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
+
+#include "common/mis/ldlt.h"
 
 namespace candela::study {
 namespace {
@@ -67,6 +70,34 @@ double owen_zhou(const mis::Allocation& allocation, std::span<const MisSample> s
     for (std::size_t k = 0; k < allocation.techniques; ++k) columns[k + 1][l] = m * samples[l].c[k];
   }
   const std::vector<double> h = least_squares(std::move(columns), y);
+  return std::accumulate(h.begin(), h.end(), 0.0);
+}
+
+// Columns of the regression: an intercept 1 and d_k = p_k / p_c = M c_k; y = f / p_c = M f / q.
+double fan(const mis::Allocation& allocation, const mis::Sums& batch, std::size_t dropped) {
+  constexpr double kLambda = 1;  // [Fan 2006]
+  constexpr std::size_t kMaxColumns = mis::kMaxTechniques + 1;
+  const std::size_t n = allocation.techniques;
+  const double m = allocation.total();
+  const mis::Vector r = batch.control_sums(allocation);
+  std::array<std::array<double, kMaxColumns>, kMaxColumns> gram{};
+  std::array<std::size_t, kMaxColumns> columns{};
+  std::size_t count = 0;
+  for (std::size_t column = 0; column <= n; ++column)
+    if (column != dropped) columns[count++] = column;
+  const auto product = [&](std::size_t i, std::size_t j) {  // i >= j
+    if (i == 0) return batch.samples(allocation);
+    return j == 0 ? m * r[i - 1] : m * m * batch.a[mis::packed(i - 1, j - 1)];
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t j = 0; j <= i; ++j) gram[i][j] = product(columns[i], columns[j]);
+    gram[i][i] += kLambda;
+  }
+  const mis::Ldlt<kMaxColumns> ldlt(gram, count, 0);
+  std::array<double, kMaxColumns> rhs{};
+  for (std::size_t i = 0; i < count; ++i)
+    rhs[i] = columns[i] == 0 ? m * batch.balance_sum(allocation, 0) : m * m * batch.b[0][columns[i] - 1];
+  const auto h = ldlt.solve(rhs);
   return std::accumulate(h.begin(), h.end(), 0.0);
 }
 

@@ -19,7 +19,7 @@ constexpr double fixed_factor(int k) {
 }
 
 Result<Rendered> render_scene(const Request& request, const AnalyticScene& scene, std::uint32_t side,
-                              const RadiusMethod& method, double radius, std::uint64_t seed,
+                              const Method& method, double radius, std::uint64_t seed,
                               const std::vector<std::uint64_t>& counts) {
   Render render{.scene = scene.file,
                 .width = side,
@@ -150,7 +150,7 @@ Result<Results> compare_radii(const Request& request, const RadiusComparison& co
       add("best fixed radius", static_cast<double>(counts[c]), "squared error", fixed.best[c], kNone);
       add("best fixed radius", static_cast<double>(counts[c]), "median radius", fixed.best_radius[c], kNone);
     }
-    for (const RadiusMethod& method : comparison.methods) {
+    for (const Method& method : comparison.methods) {
       std::vector<std::vector<Image>> images(counts.size());
       for (std::uint64_t seed = 1; seed <= request.seeds; ++seed) {
         CANDELA_ASSIGN(Rendered rendered,

@@ -10,19 +10,14 @@
 #include "common/base/result.h"
 #include "common/job/job.h"
 #include "tests/bench/candela_study/analytic_scenes.h"
+#include "tests/bench/candela_study/renders.h"
 #include "tests/bench/candela_study/study.h"
 
 namespace candela::study {
 
-struct RadiusMethod {
-  std::string name;
-  std::string integrator;
-  SettingsMap settings = {};
-};
-
 struct RadiusComparison {
   std::string part;
-  std::vector<RadiusMethod> methods;
+  std::vector<Method> methods;
   std::uint64_t iterations = 1024;
   std::vector<std::string> scenes = {};  // names; empty: all
 };

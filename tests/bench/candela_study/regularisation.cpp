@@ -37,14 +37,9 @@ constexpr HiddenLight kHiddenLights[] = {
 // are of what they lack.
 constexpr const char* kHiddenReferenceRadius = "0.012";
 
-struct HiddenMethod {
-  const char* name;
-  const char* integrator;
-  SettingsMap settings;
-};
-const std::vector<HiddenMethod>& hidden_methods() {
+const std::vector<Method>& hidden_methods() {
   static const SettingsMap on = {{"regularise", "on"}};
-  static const std::vector<HiddenMethod> all = {
+  static const std::vector<Method> all = {
       {"path", "path", {}},
       {"path, regularise", "path", on},
       {"bdpt", "bdpt", {}},
@@ -81,7 +76,7 @@ class HiddenTable {
 
   Result<Results> run() {
     CANDELA_ASSIGN(const Truth truth, references());
-    for (const HiddenMethod& method : hidden_methods()) CANDELA_TRY(measure(method, truth));
+    for (const Method& method : hidden_methods()) CANDELA_TRY(measure(method, truth));
     return std::move(results_);
   }
 
@@ -110,7 +105,7 @@ class HiddenTable {
     return Truth(std::move(images[0]), std::move(images[1]));
   }
 
-  Result<std::unique_ptr<bench::Estimator>> start(const HiddenMethod& method, std::uint64_t seed) const {
+  Result<std::unique_ptr<bench::Estimator>> start(const Method& method, std::uint64_t seed) const {
     const std::filesystem::path file = test::source_path(scene_.file);
     CANDELA_ASSIGN(bench::RunSpec run, bench::make_run(file, scene_.name, method.integrator, method.settings,
                                                        sizes_.side, sizes_.side));
@@ -120,7 +115,7 @@ class HiddenTable {
     return bench::make_render_estimator(run);
   }
   // A whole round of units: two iterations, or a segment of each chain.
-  Result<std::uint64_t> units_of_a_round(const HiddenMethod& method) const {
+  Result<std::uint64_t> units_of_a_round(const Method& method) const {
     CANDELA_ASSIGN(const auto estimator, start(method, 1));
     if (estimator->unit_name() != "segments") return std::uint64_t{2};
     CANDELA_ASSIGN(const SettingsMap settings,
@@ -128,7 +123,7 @@ class HiddenTable {
     return static_cast<std::uint64_t>(std::stoull(settings.at("chains")));
   }
   // Rounds in the study's seconds, a multiple of 2^(kHiddenLevels - 1).
-  Result<std::uint64_t> rounds_of(const HiddenMethod& method, std::uint64_t round) const {
+  Result<std::uint64_t> rounds_of(const Method& method, std::uint64_t round) const {
     constexpr std::uint64_t kLeast = 1 << (kHiddenLevels - 1);
     CANDELA_ASSIGN(const auto estimator, start(method, 1));
     std::uint64_t rounds = 0;
@@ -142,7 +137,7 @@ class HiddenTable {
     return std::max(kLeast, all / kLeast * kLeast);
   }
 
-  Result<void> measure(const HiddenMethod& method, const Truth& truth) {
+  Result<void> measure(const Method& method, const Truth& truth) {
     CANDELA_ASSIGN(const std::uint64_t round, units_of_a_round(method));
     CANDELA_ASSIGN(const std::uint64_t rounds, rounds_of(method, round));
     std::vector<std::vector<Image>> images(kHiddenLevels);
@@ -182,7 +177,7 @@ class HiddenTable {
     return {};
   }
 
-  void add(const HiddenMethod& method, double n, const std::string& quantity, double value) {
+  void add(const Method& method, double n, const std::string& quantity, double value) {
     results_.rows.push_back({"curves", scene_.name, method.name, kNone, n, quantity, value, kNone});
   }
   void add_map(const std::string& method, const Image& image) {

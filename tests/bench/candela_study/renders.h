@@ -23,6 +23,12 @@ struct Render {
   unsigned threads = 1;
   std::map<std::string, std::string> parameters = {};  // of the scene
 };
+// What a study compares: an integrator with settings, by the name of its curve.
+struct Method {
+  std::string name;
+  std::string integrator;
+  SettingsMap settings = {};
+};
 struct Rendered {
   std::vector<Image> images;
   std::vector<Image> layers;        // of the film, after the last count

@@ -51,11 +51,11 @@ class SceneTable {
   }
 
  private:
-  static TableMethod vcm(int photons) {
+  static Method vcm(int photons) {
     return {"vcm", "vcm", {{"radius_neighbors", std::to_string(photons)}, {"layers", "merging"}}};
   }
-  static TableMethod vcmplus(int photons, const SettingsMap& settings = {}) {
-    TableMethod method{"vcmplus", "vcmplus", vcm(photons).settings};
+  static Method vcmplus(int photons, const SettingsMap& settings = {}) {
+    Method method{"vcmplus", "vcmplus", vcm(photons).settings};
     for (const auto& [name, value] : settings) {
       method.name += ' ' + name + '=' + value;
       method.settings[name] = value;
@@ -74,7 +74,7 @@ class SceneTable {
     add(part, method, n, quantity, median(values), values.size() > 2 ? moments.error() : kNone);
   }
 
-  Result<Rendered> render(const TableMethod& method, std::uint64_t seed,
+  Result<Rendered> render(const Method& method, std::uint64_t seed,
                           const std::vector<std::uint64_t>& counts) const {
     return render_job({.scene = scene_.file,
                        .width = sizes_.side,
@@ -87,7 +87,7 @@ class SceneTable {
   }
 
   // Methods take turns, so that what slows the machine down for a while slows all of them.
-  Result<std::vector<TableCurve>> measure(const std::vector<TableMethod>& methods,
+  Result<std::vector<TableCurve>> measure(const std::vector<Method>& methods,
                                           const std::vector<std::uint64_t>& counts) const {
     std::vector<TableCurve> curves(methods.size());
     std::vector<std::vector<std::vector<Image>>> images(methods.size());  // [method][count][seed]
@@ -207,11 +207,10 @@ class SceneTable {
   // Measures the cost of the statistics: vcm and vcmplus make the same film at the same constant radius.
   Result<void> add_cost() {
     const std::uint64_t count = sizes_.counts[1];
-    TableMethod constant = vcm(scene_.photons);
+    Method constant = vcm(scene_.photons);
     constant.settings["alpha"] = "1";
     // Lag 1: the first two epochs have the first radius.
-    const TableMethod tested =
-        vcmplus(scene_.photons, {{"alpha", "1"}, {"epoch_min", std::to_string(count / 2)}});
+    const Method tested = vcmplus(scene_.photons, {{"alpha", "1"}, {"epoch_min", std::to_string(count / 2)}});
     std::vector<double> ratios;
     for (std::uint64_t seed = 1; seed <= sizes_.pairs; ++seed) {
       CANDELA_ASSIGN(const Rendered without, render(constant, seed, {count}));
@@ -241,13 +240,12 @@ class SceneTable {
     const double n = base.counts[sizes_.parameters_at];
     const double squared = median(base.squared[sizes_.parameters_at]),
                  relative = median(base.relative[sizes_.parameters_at]);
-    const std::vector<SettingsMap> settings = {{{"k", "0.5"}},         {{"k", "0.6"}},
-                                               {{"k", "0.7"}},         {{"k", "0.8"}},
-                                               {{"k", "0.9"}},         {{"alpha_f", "0.01"}},
-                                               {{"alpha_f", "0.1"}},   {{"alpha", "1"}},
-                                               {{"alpha", "0.8"}},     {{"alpha", "1"}, {"alpha_f", "0.01"}},
-                                               {{"test", "antipodal"}}};
-    std::vector<TableMethod> methods;
+    const std::vector<SettingsMap> settings = {{{"k", "0.5"}},       {{"k", "0.6"}},
+                                               {{"k", "0.7"}},       {{"k", "0.8"}},
+                                               {{"k", "0.9"}},       {{"alpha_f", "0.01"}},
+                                               {{"alpha_f", "0.1"}}, {{"alpha", "1"}},
+                                               {{"alpha", "0.8"}},   {{"alpha", "1"}, {"alpha_f", "0.01"}}};
+    std::vector<Method> methods;
     for (const SettingsMap& one : settings) methods.push_back(vcmplus(scene_.photons, one));
     CANDELA_ASSIGN(const auto curves, measure(methods, {static_cast<std::uint64_t>(n)}));
     for (const TableCurve& curve : curves) {

@@ -57,12 +57,6 @@ class TableTruth {
   std::vector<double> weights_;  // of pixels
 };
 
-struct TableMethod {
-  std::string name;
-  std::string integrator;
-  SettingsMap settings = {};
-};
-
 // One method on one scene: [count][seed].
 struct TableCurve {
   std::string name;  // of the method

@@ -27,11 +27,11 @@ Result<void> check(const PlugInSettings& settings) {
 }
 
 Result<void> check(const FTestSettings& test, const RingSettings& rings) {
-  if ((rings.rings || test.test.value == "nested") && test.channels.value == "colors")
+  if ((rings.rings || rings.test.value == "nested") && test.channels.value == "colors")
     return usage_error("'colors' has no part in rings and nested discs, which look at luminance")
         .with_field("channels")
         .with_mend("leave it out");
-  if ((!rings.rings && test.test.value != "nested") || test.k == FTestSettings().k) return {};
+  if ((!rings.rings && rings.test.value != "nested") || test.k == FTestSettings().k) return {};
   return usage_error(fmt::format("'{}' has no part in it: rings and nested discs halve the area", test.k))
       .with_field("k")
       .with_mend("leave it out");
@@ -61,13 +61,11 @@ Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test, bool c
   Adaptation adaptation =
       make_adaptation(epochs, "fppm", rules::levels_above(test.k, test.r_min, test.floor_alpha));
   EpochPlan& plan = adaptation.epochs;
-  const int degrees =
-      (test.test.value == "antipodal" ? rules::kSectorChannels / 2 : rules::kSectorChannels) - 1;
-  plan.constants["test"] = test.test.value;
+  constexpr int kDegrees = rules::kSectorChannels - 1;
   // Bonferroni: the channels of a photon may be one or have nothing in common.
   const double level = colors ? test.alpha_f / rules::kColors : test.alpha_f;
   plan.constants["critical"] =
-      std::to_string(rules::critical_integer(rules::chi_squared_quantile(level, degrees) / degrees));
+      std::to_string(rules::critical_integer(rules::chi_squared_quantile(level, kDegrees) / kDegrees));
   using Specs = std::vector<film::AccumulatorSpec>;
   if (colors)
     adaptation.accumulators = +[](int film_scale_log2) -> Specs {
@@ -99,9 +97,9 @@ Adaptation ring_test(const EpochSettings& epochs, const FTestSettings& test, con
   levels.floors.resize(static_cast<std::size_t>(levels.max_level));
   Adaptation adaptation = make_adaptation(epochs, "fppm", std::move(levels));
   SettingsMap& constants = adaptation.epochs.constants;
-  constants["test"] = test.test.value;
+  constants["test"] = rings.test.value;
   constants.emplace("rings", std::to_string(rings.rings ? 1 : 0));
-  if (test.test.value == "nested") constants["kappa"] = rules::constant_text(rings.kappa);
+  if (rings.test.value == "nested") constants["kappa"] = rules::constant_text(rings.kappa);
   if (!rings.rings) {
     adaptation.accumulators = +[](int film_scale_log2) -> std::vector<film::AccumulatorSpec> {
       return {rules::discs_spec(film_scale_log2), rules::ring_squares_spec(film_scale_log2)};
@@ -110,7 +108,7 @@ Adaptation ring_test(const EpochSettings& epochs, const FTestSettings& test, con
   }
   // Beside nested discs the F test is that of antipodal pairs.
   const int degrees =
-      (test.test.value == "sectors" ? rules::kSectorChannels : rules::kSectorChannels / 2) - 1;
+      (rings.test.value == "sectors" ? rules::kSectorChannels : rules::kSectorChannels / 2) - 1;
   constants["critical"] =
       std::to_string(rules::critical_integer(rules::chi_squared_quantile(test.alpha_f, degrees) / degrees));
   adaptation.accumulators = +[](int film_scale_log2) -> std::vector<film::AccumulatorSpec> {

@@ -34,7 +34,6 @@ void floor_fields(Visitor& visit, double& r_min, double& floor_alpha) {
 
 // The F test and what it does to a radius.
 struct FTestSettings {
-  Choice test{"sectors", {"sectors", "antipodal"}};
   Choice channels{"auto", {"auto", "luminance", "colors"}};
   double alpha_f = 0.01;
   double k = 0.7;
@@ -43,9 +42,6 @@ struct FTestSettings {
 
   template <class Visitor>
   void fields(Visitor& visit) {
-    visit("test", test,
-          "sums that are compared: all sectors of the disc, or sums of opposite sectors, which a gradient "
-          "leaves equal");
     visit("channels", channels,
           "tested channels: luminance, or red, green and blue (colors); auto: colors if the scene has any");
     visit("alpha_f", alpha_f, NumberRange{0, 1, true, true},
@@ -55,13 +51,16 @@ struct FTestSettings {
   }
 };
 
-// Statistics that outlive a radius.
+// Other statistics than those of the sectors of one radius.
 struct RingSettings {
+  Choice test{"sectors", {"sectors", "nested"}};
   bool rings = false;
   double kappa = 3;
 
   template <class Visitor>
   void fields(Visitor& visit) {
+    visit("test", test,
+          "sums that are compared: all sectors of the disc, or the disc and smaller discs inside it");
     visit("rings", rings,
           "keep sums in rings, which no rejection sets to zero, and test every radius at each decision; 84 "
           "sums per pixel");

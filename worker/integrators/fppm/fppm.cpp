@@ -34,7 +34,7 @@ Result<std::unique_ptr<Integrator>> make_fppm_integrator(const SettingsMap& sett
   Planned planned = ppm::plan(parsed.common.path_options(), false, features, parsed.common.full_plan());
   if (parsed.rings.rings)
     return make<transport::WeightedRings<6>>(parsed, std::move(planned), adaptive::ring_test);
-  if (parsed.f_test.test.value == "nested")
+  if (parsed.rings.test.value == "nested")
     return make<transport::WeightedRings<1>>(parsed, std::move(planned), adaptive::ring_test);
   return make_by_sectors(parsed, std::move(planned),
                          adaptive::tests_colors(parsed.f_test, features.any_color));

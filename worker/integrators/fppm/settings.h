@@ -9,7 +9,7 @@ namespace candela::integrators {
 struct FppmSettings {
   CommonSettings common{integrator_words::kFppm};
   merging::MergeSettings merge{integrator_words::kFppm};
-  adaptive::FTestSettings f_test{.test = {"sectors", {"sectors", "antipodal", "nested"}}};
+  adaptive::FTestSettings f_test;
   adaptive::RingSettings rings;
   adaptive::EpochSettings epochs;
 

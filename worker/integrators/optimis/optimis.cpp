@@ -77,8 +77,7 @@ class OptimisIntegrator final : public IterationIntegrator {
         on_trial_(planned.on_trial),
         settings_(settings),
         allocation_(mis::Allocation::ones(setup_.techniques())),
-        tally_(tally_of(setup_.techniques())),
-        paths_(planned.read_out == ReadOut::fan ? static_cast<std::uint64_t>(settings.batch) : 1) {
+        tally_(tally_of(setup_.techniques())) {
     balance_.setup.controls = false;
     if (planned.read_out == ReadOut::epochs || lights_ > 0)
       epochs_.emplace(static_cast<std::uint64_t>(settings.epoch_min),
@@ -149,9 +148,8 @@ class OptimisIntegrator final : public IterationIntegrator {
                              samplers::Sampler sampler(context.sampler, context.seed);
                              estimators::FirstVertex first(how.setup, options_, lights ? &*lights : nullptr,
                                                            groups ? &*groups : nullptr);
-                             mis::Sums batch;
-                             const Iteration iteration{context, unit,    how,   word,  run,   output,
-                                                       tallies, sampler, first, batch, layout};
+                             const Iteration iteration{context, unit,    how,     word,  run,
+                                                       output,  tallies, sampler, first, layout};
                              for (std::uint32_t y = y0; y < y1; ++y) {
                                for (std::uint32_t x = x0; x < x1; ++x) {
                                  const Place at = place(output, x, y);
@@ -159,7 +157,7 @@ class OptimisIntegrator final : public IterationIntegrator {
                                    if (run.stopped()) return;
                                    render(iteration, trace, index, at);
                                  }
-                                 tallies.eye_samples += (unit.end - unit.begin) * paths_;
+                                 tallies.eye_samples += unit.end - unit.begin;
                                }
                              }
                            });
@@ -264,7 +262,6 @@ class OptimisIntegrator final : public IterationIntegrator {
     film::Tallies& tallies;
     samplers::Sampler& sampler;
     estimators::FirstVertex& first;
-    mis::Sums& batch;                        // of fan: of all paths of an iteration
     const light_visibility::Layout& layout;  // of the light weights
   };
 
@@ -276,33 +273,18 @@ class OptimisIntegrator final : public IterationIntegrator {
   template <class Trace>
   void render(const Iteration& i, const Trace& trace, std::uint64_t index, const Place& at) const {
     const std::uint32_t x = at.x, y = at.y;
-    // Light of the paths, and of those that reached a first vertex the sums.
-    Spectrum light;
-    if (i.how.read_out == ReadOut::fan) i.batch.clear(setup_.techniques());
-    bool reached = false;
-    float weight = 0;
-    for (std::uint64_t path = 0; path < paths_; ++path) {
-      i.sampler.start(i.sequence, index * paths_ + path, x, y);
-      const EyeRay eye = eye_ray(i.context, x, y, i.sampler);
-      i.first.start();
-      light += trace(eye.ray, i.sampler, i.tallies, i.first) * eye.weight;
-      weight = eye.weight;
-      reached = i.first.reached();
-      if (reached && i.how.read_out == ReadOut::fan)
-        add_weighted(i.batch, mis::sums_of(setup_.techniques(), i.first.batch()), eye.weight);
-    }
-    if (i.how.read_out == ReadOut::fan) {
-      light += optimal_part(i.batch);
-      light *= 1 / static_cast<float>(paths_);
-    }
+    i.sampler.start(i.sequence, index, x, y);
+    const EyeRay eye = eye_ray(i.context, x, y, i.sampler);
+    i.first.start();
+    Spectrum light = trace(eye.ray, i.sampler, i.tallies, i.first) * eye.weight;
     const std::uint64_t key = i.sampler.sample_key();
     if (i.run.fault != nullptr) i.run.fault(key, &light.r);
-    const bool signed_values = i.context.filter.has_negative_lobes() || i.how.read_out == ReadOut::fan;
+    const bool signed_values = i.context.filter.has_negative_lobes();
     const bool kept = i.output.film->add(0, x, y, {light.r, light.g, light.b}, key, i.tallies, signed_values);
-    if (!reached) return;
+    if (!i.first.reached()) return;
     tally_visibility(i, key);
     // Samples that the film rejected count as zero.
-    const double kept_weight = kept ? static_cast<double>(weight) : 0;
+    const double kept_weight = kept ? static_cast<double>(eye.weight) : 0;
     const std::uint32_t part = i.how.read_out == ReadOut::epochs ? i.unit.half : 0;
     if (i.how.read_out == ReadOut::sums || i.how.read_out == ReadOut::epochs)
       for (std::size_t g = 0; g < setup_.groups; ++g) tally_(i, g, kept_weight, part, at, key);
@@ -310,17 +292,6 @@ class OptimisIntegrator final : public IterationIntegrator {
       tally_singles(i.first.singles(), kept_weight, x, y, key, i.output, i.tallies);
   }
 
-  // Direct light of the paths of one iteration by [Fan 2006], less that of the balance heuristic.
-  Spectrum optimal_part(const mis::Sums& sums) const {
-    Spectrum out;
-    const double batches = sums.samples(allocation_) / allocation_.total();
-    if (!(batches > 0)) return out;
-    const mis::Color f = mis::fan(allocation_, sums, allocation_.techniques);
-    const auto more = [&](std::size_t k) {
-      return static_cast<float>(batches * f[k] - sums.balance_sum(allocation_, k));
-    };
-    return {more(0), more(1), more(2)};
-  }
   static void tally_visibility(const Iteration& i, std::uint64_t key) {
     for (const estimators::FirstVertex::ShadowTest& test : i.first.shadow_tests()) {
       const auto at = film::place_of_entry(test.entry);
@@ -395,7 +366,6 @@ class OptimisIntegrator final : public IterationIntegrator {
   const OptimisSettings settings_;
   const mis::Allocation allocation_;
   const Tally tally_;             // of optimal weights
-  const std::uint64_t paths_;     // of a pixel in one iteration
   std::optional<Epochs> epochs_;  // of progressive and trained
 };
 
@@ -417,9 +387,8 @@ Result<void> check(const OptimisSettings& settings) {
           .with_mend("leave it out, or 'trained'");
   }
   if (settings.light_groups.value != "one") {
-    const bool trained = settings.selection.has("trained"), best = settings.weights.value == "best",
-               estimator = settings.estimator.value == "progressive" || settings.estimator.value == "fan";
-    if (trained || best || estimator)
+    const bool trained = settings.selection.has("trained"), best = settings.weights.value == "best";
+    if (trained || best || settings.estimator.value == "progressive")
       return usage_error(fmt::format("'{}' has all lights in one group, not light_groups={}",
                                      trained ? "trained"
                                      : best  ? "best"

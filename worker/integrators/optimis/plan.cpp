@@ -28,9 +28,7 @@ ReadOut read_out_of(const OptimisSettings& settings) {
   if (settings.selection.has("trained")) return ReadOut::film;  // see check()
   if (settings.weights.value == "best") return ReadOut::best;
   if (settings.weights.value != "optimal" && settings.weights.value != "auto") return ReadOut::film;
-  return settings.estimator.value == "progressive" ? ReadOut::epochs
-         : settings.estimator.value == "fan"       ? ReadOut::fan
-                                                   : ReadOut::sums;
+  return settings.estimator.value == "progressive" ? ReadOut::epochs : ReadOut::sums;
 }
 
 mis::Heuristic weights_named(std::string_view name) {
@@ -124,7 +122,7 @@ Result<void> plan_groups(const OptimisSettings& settings, const scene::SceneFeat
 // Sums of a pixel.
 std::size_t sums_of(ReadOut read_out, std::size_t techniques) {
   // One group of lights.
-  if (read_out == ReadOut::fan || read_out == ReadOut::film) return 0;
+  if (read_out == ReadOut::film) return 0;
   if (read_out == ReadOut::best) return mis::kColors * (techniques + 1) + techniques + 1;
   return mis::packed_size(techniques) + mis::kColors * techniques;
 }
@@ -221,10 +219,6 @@ void describe_read_out(const OptimisSettings& settings, const scene::SceneFeatur
       plan.use("statistics",
                fmt::format("{0} bytes a pixel for each of {1} epochs and 48 beside; a worker has {0}",
                            2 * bytes, settings.lag + 2));
-      break;
-    case ReadOut::fan:
-      plan.use(use, fmt::format("{} techniques, solved for in each iteration of {} paths a pixel; biased", n,
-                                settings.batch));
       break;
     case ReadOut::best: {
       std::string names;

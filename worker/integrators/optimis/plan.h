@@ -13,7 +13,6 @@ enum class ReadOut : std::uint8_t {
   film,    // the film is the image: a heuristic of densities
   sums,    // optimal weights from the sums of the job
   epochs,  // progressive: optimal weights from the sums of the epochs before
-  fan,     // optimal weights of each iteration by itself
   best,    // the technique of least variance
 };
 

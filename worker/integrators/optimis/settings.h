@@ -11,11 +11,10 @@ struct OptimisSettings {
   NameList selection{{"contribution", "power"}, {"contribution", "power", "uniform", "trained"}};
   Choice light_groups{"one", {"one", "infinite", "each"}};
   Choice weights{"auto", {"auto", "optimal", "balance", "power", "cutoff", "maximum", "best"}};
-  Choice estimator{"crossfit", {"crossfit", "direct", "balance", "progressive", "fan"}};
+  Choice estimator{"crossfit", {"crossfit", "direct", "balance", "progressive"}};
   int epoch_min = 16;
   int growth = 1;
   int lag = 1;
-  int batch = 4;
   Choice depth{"full", {"full", "direct"}};
 
   template <class Visitor>
@@ -48,8 +47,7 @@ struct OptimisSettings {
     visit("lag", lag, 0, 64,
           "estimator=progressive or selection=trained: epochs that are rendered while the sums of earlier "
           "epochs arrive");
-    visit("batch", batch, 2, 64,
-          "estimator=fan: paths of a pixel in one iteration, for which one system is solved");
+    visit.retired("batch", "4", "estimator=fan is gone: its image was biased");
     visit("depth", depth, "full: path tracing beyond the first vertex; direct: only direct light there");
     common.plan_field(visit);
   }

@@ -24,6 +24,7 @@ struct VcmplusSettings {
     visit("merge_media", merge_media, "merge in media too, inside balls; else connections cover media");
     visit("layers", layers, "further layer in the EXR: the part of the image that merging finds");
     f_test.fields(visit);
+    visit.retired("test", "sectors", "sums of opposite sectors lost to those of all sectors");
     epochs.fields(visit);
   }
 };
