@@ -7,6 +7,7 @@
 
 #include <algorithm>
 
+#include "common/stats/movement_sums.h"
 #include "master/scheduler/unit_source.h"
 
 namespace candela::master {
@@ -14,14 +15,16 @@ namespace {
 
 class EpochSource final : public UnitSource {
  public:
-  explicit EpochSource(const EpochPlan& plan) : epochs_(plan.first, plan.growth), lag_(plan.lag) {}
+  EpochSource(const EpochPlan& plan, bool in_groups)
+      : epochs_(plan.first, plan.growth), lag_(plan.lag), in_groups_(in_groups) {}
   Unit::Kind kind() const override { return Unit::Kind::iterations; }
 
   std::optional<Unit> cut(const JobView& job, std::uint64_t want) override {
     std::uint32_t half = half_behind();
     for (int i = 0; i < 2; ++i, half = 1 - half) {
-      const auto [begin, end] = reserved_[half].first_gap(0, open_end(job, half));
+      auto [begin, end] = reserved_[half].first_gap(0, open_end(job, half));
       if (begin == end) continue;
+      if (in_groups_) end = std::min(end, stats::end_of_group(begin));
       const std::uint64_t epoch = epochs_.of_index(begin);
       const std::uint64_t border = epochs_.begin_index(epoch + 1);
       // Every worker gets some units of an epoch, since all wait for its last one.
@@ -91,12 +94,13 @@ class EpochSource final : public UnitSource {
 
   const Epochs epochs_;
   const std::uint32_t lag_;
+  const bool in_groups_;
 };
 
 }  // namespace
 
-std::unique_ptr<UnitSource> make_epoch_source(const EpochPlan& plan) {
-  return std::make_unique<EpochSource>(plan);
+std::unique_ptr<UnitSource> make_epoch_source(const EpochPlan& plan, bool in_groups) {
+  return std::make_unique<EpochSource>(plan, in_groups);
 }
 
 }  // namespace candela::master

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "common/stats/error_context.h"
+
 namespace candela::master {
 
 std::uint64_t UnitSource::max_unit(const JobView&) const {
@@ -61,7 +63,8 @@ std::unique_ptr<UnitSource> make_source(const JobRow& row) {
 
 std::unique_ptr<UnitSource> make_film_source(const JobRow& row) {
   if (row.chains) return make_segment_source(*row.chains);
-  return row.epochs ? make_epoch_source(*row.epochs) : make_iteration_source();
+  const bool moves = stats::context_of(row.settings.integrator_settings, row.plan).alpha < 1;
+  return row.epochs ? make_epoch_source(*row.epochs, moves) : make_iteration_source(moves);
 }
 
 }  // namespace candela::master

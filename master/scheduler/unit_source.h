@@ -152,8 +152,9 @@ std::unique_ptr<UnitSource> make_film_source(const JobRow& row);
 // The makers of the single stages.
 std::unique_ptr<UnitSource> make_pilot_source();
 std::unique_ptr<UnitSource> make_bootstrap_source(const ChainPlan& plan);
-std::unique_ptr<UnitSource> make_iteration_source();
-std::unique_ptr<UnitSource> make_epoch_source(const EpochPlan& plan);
+// `in_groups`: no unit crosses the border of a group of the movement's sums (stats::end_of_group).
+std::unique_ptr<UnitSource> make_iteration_source(bool in_groups);
+std::unique_ptr<UnitSource> make_epoch_source(const EpochPlan& plan, bool in_groups);
 std::unique_ptr<UnitSource> make_segment_source(const ChainPlan& plan);
 
 }  // namespace candela::master
