@@ -27,6 +27,12 @@ void add_wide(film::Int128& to, film::Int128 value) {
 
 }  // namespace
 
+std::uint64_t MovementSums::memory_bytes(std::uint32_t width, std::uint32_t height) {
+  const std::uint64_t side = block_side(width, height);
+  const std::uint64_t blocks = ((width + side - 1) / side) * ((height + side - 1) / side);
+  return blocks * film::kChannels * sizeof(film::Int128) * 2 * 2;  // squares and cubes of each half
+}
+
 MovementSums::MovementSums(const film::Layout& layout, double alpha) : alpha_(alpha) {
   if (!needed()) return;
   layout_ = layout;
