@@ -15,12 +15,16 @@ namespace {
 constexpr std::uint32_t kReach = 2;  // pixels around one that its denominator is smoothed over
 constexpr double kNormal = 1.645;    // one-sided 95 %
 constexpr double kTail = 0.05;
+// Of the bias of merging. Its upper end is added to those of other parts, so that all together are exceeded
+// less often.
+constexpr double kTailOfBias = 0.15;
 // The image's own error spreads about what is expected as much as the estimate does.
 constexpr double kBoth = 1.41421356;
 // Shares of the noise that the upper end adds for light that was found too rarely to be in the noise, and for
 // light that both groups of chains have found too often or too rarely alike.
 constexpr double kUnseen = 0.5, kUnseenByChains = 1;
 constexpr double kStandsOut = 0.5;       // standard errors
+constexpr double kFewIterations = 32;    // up to here the bias is too uncertain to leave a denominator of 0
 constexpr std::size_t kManyBlocks = 16;  // from so many on the spread of their energies is known
 
 using Row = std::vector<double>;
@@ -235,7 +239,7 @@ Blur blur_of(const Movement::Bias& bias, const Row& weights, const Row& sizes) {
 }
 
 struct Posterior {
-  double mean = 0, upper = 0;  // `upper`: exceeded with probability kTail
+  double mean = 0, upper = 0;  // `upper`: exceeded with probability kTailOfBias
 };
 
 // The bias b >= 0 by Bayes' rule. Its estimate is normal. Its prior is of Pareto's kind [Lomax 1954],
@@ -266,8 +270,8 @@ Posterior posterior_of(const Blur& blur, double expected) {
   mean /= sum;
   double above = 0;
   std::size_t i = kSteps;
-  while (i > 0 && above <= kTail * sum) above += weights[--i];
-  const double upper = bias_at(static_cast<double>(i) + (above - kTail * sum) / weights[i]);
+  while (i > 0 && above <= kTailOfBias * sum) above += weights[--i];
+  const double upper = bias_at(static_cast<double>(i) + (above - kTailOfBias * sum) / weights[i]);
   return {mean, std::max(mean, upper)};
 }
 
@@ -275,7 +279,8 @@ Posterior posterior_of(const Blur& blur, double expected) {
 // pixels that are nearly black, that light would be its own denominator. `values`: means over blocks of what
 // the denominators are the squares of.
 Row weights_without(const Movement::Bias& bias, const BlockMeans& now, const Row& values) {
-  Row left = values, weights(values.size());
+  Row left = values, weights(values.size()), errors(values.size(), 0.0);
+  const bool few = now.n0 + now.n1 < kFewIterations;
   double mean = 0;
   for (std::uint32_t y = 0; y < now.height; ++y)
     for (std::uint32_t x = 0; x < now.width; ++x)
@@ -294,10 +299,11 @@ Row weights_without(const Movement::Bias& bias, const BlockMeans& now, const Row
         const double mean_bias = sum / count;
         const double error = std::sqrt(std::max(0.0, squares / count - mean_bias * mean_bias) / count);
         left[j] = std::max(0.0, values[j] - std::max(0.0, mean_bias - kStandsOut * error));
+        if (few) errors[j] = std::min(error, values[j]);
         mean += left[j] / static_cast<double>(values.size());
       }
   for (std::size_t j = 0; j < left.size(); ++j) {
-    const double square = left[j] * left[j] + kDarkFraction * mean * mean;
+    const double square = left[j] * left[j] + errors[j] * errors[j] + kDarkFraction * mean * mean;
     weights[j] = square > 0 ? 1 / square : 0;
   }
   return weights;
@@ -321,7 +327,7 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
   const double floor = kDarkFraction * std::min(means.a, means.b) * std::min(means.a, means.b);
 
   BlockMeans& blocks = result.blocks;
-  blocks.side = (std::max(halves.width, halves.height) + kMaxBlocks - 1) / kMaxBlocks;
+  blocks.side = block_side(halves.width, halves.height);
   blocks.width = (halves.width + blocks.side - 1) / blocks.side;
   blocks.height = (halves.height + blocks.side - 1) / blocks.side;
   blocks.n0 = halves.n0;

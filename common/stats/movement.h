@@ -1,13 +1,10 @@
 // Movement of an image as its iterations grow: the bias of merging is known by it.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cstdint>
-#include <span>
-#include <string>
-#include <string_view>
 #include <vector>
-
-#include "common/base/result.h"
 
 namespace candela::stats {
 
@@ -20,10 +17,21 @@ struct BlockMeans {
 };
 // Blocks a side, at most: an image up to this size is seen pixel by pixel.
 inline constexpr std::uint32_t kMaxBlocks = 256;
+// Pixels a side of a block of an image.
+constexpr std::uint32_t block_side(std::uint32_t width, std::uint32_t height) {
+  return (std::max(width, height) + kMaxBlocks - 1) / kMaxBlocks;
+}
 
-// Two sums over the iterations of a job, one of them weighted by how large the bias of merging is at each:
-// i^(alpha - 1) at iteration i, as squared radii are. Iterations are weighted in groups, each twice the one
-// before, so that an image a group is enough.
+// The mean of i^(alpha - 1) over the iterations (from, to].
+double mean_movement_weight(double from, double to, double alpha);
+
+// Sums over the iterations of a job, weighted by how large the bias of merging is at each: x = i^(alpha - 1)
+// at iteration i. Iterations are weighted in groups, each twice the one before, so that an image a group is
+// enough.
+//
+// The bias is the slope of the iterations' images over x, by weighted least squares. Where photons alone make
+// the image, x goes as the radius and an iteration's noise as 1 / radius^2, so its weight is x^2. Where they
+// make a part, the slope is without bias too.
 class Movement {
  public:
   // The image has twice the iterations of the last group, or is the first.
@@ -32,29 +40,28 @@ class Movement {
   // begin anew. Precondition: `now` has all iterations that the calls before had, and some of either half.
   void add(const BlockMeans& now, double alpha);
 
-  // The regression of the image on the weights: for each value of `now` the bias that it has, by half. Empty
-  // unless there are two groups at least, the last with what was merged since.
+  // For each value of `now` the bias that it has, by half. Empty unless there are two groups at least, the
+  // last with what was merged since.
   struct Bias {
     std::vector<float> a, b;
   };
   Bias bias(const BlockMeans& now, double alpha) const;
 
-  std::string serialise() const;
-  // Fails (input) on anything but the whole of what serialise() made.
-  static Result<Movement> parse(std::string_view bytes);
+  struct Half {
+    std::array<double, 4> powers = {};  // sums over iterations of x, x^2, x^3, x^4
+    std::vector<float> squares, cubes;  // sums over iterations of x^2 * image, and of x^3 * image
+  };
+  // From the sums of all groups. `last`: size and iterations of the image; its means are not read.
+  static Movement of(BlockMeans last, std::array<Half, 2> sums);
 
  private:
   bool fits(const BlockMeans& now) const;
-  // The last group as it would be.
-  struct Half {
-    double g = 0, gg = 0;         // sums over groups of iterations * weight, and * weight^2
-    std::vector<float> weighted;  // sums of iterations * weight * mean
-  };
-  static void extend(Half& half, double from, double to, double weight, const std::vector<float>& before,
+  // Adds the last group as it would be.
+  static void extend(Half& half, double from, double to, double x, const std::vector<float>& before,
                      const std::vector<float>& now);
 
   BlockMeans last_;  // after the last group
-  Half half_[2];
+  std::array<Half, 2> half_;
 };
 
 }  // namespace candela::stats

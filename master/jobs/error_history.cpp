@@ -16,8 +16,7 @@ void ErrorHistory::decide(const DecidedPrefix& prefix) {
   prefixes.push_back(prefix);
 }
 
-// The number of prefixes (u32), each with its rounds (u64) and the error's upper end (a double's bits, u64);
-// then the movement.
+// The number of prefixes (u32), each with its rounds (u64) and the error's upper end (a double's bits, u64).
 std::string ErrorHistory::serialise() const {
   std::string out;
   film::put_u32(out, static_cast<std::uint32_t>(prefixes.size()));
@@ -25,7 +24,7 @@ std::string ErrorHistory::serialise() const {
     film::put_u64(out, prefix.rounds);
     film::put_u64(out, std::bit_cast<std::uint64_t>(prefix.relmse_upper));
   }
-  return out + movement.serialise();
+  return out;
 }
 
 Result<ErrorHistory> ErrorHistory::parse(std::string_view bytes) {
@@ -44,7 +43,6 @@ Result<ErrorHistory> ErrorHistory::parse(std::string_view bytes) {
     if (i > 0 && prefix.rounds <= out.prefixes.back().rounds) return bad("has prefixes out of order");
     out.prefixes.push_back(prefix);
   }
-  CANDELA_ASSIGN(out.movement, stats::Movement::parse(reader.rest()));
   return out;
 }
 

@@ -23,7 +23,6 @@
 #include "common/wire/stored_bundle.h"
 #include "master/jobs/aov_layers.h"
 #include "master/jobs/develop.h"
-#include "master/jobs/error_history.h"
 #include "master/jobs/film_layers.h"
 
 namespace candela::master {
@@ -184,8 +183,8 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   m["candela:scale"] = fmt::format("2^{}", film.scale_log2());
   if (whole) {
     stats::ErrorContext context = stats::context_of(s.integrator_settings, row.plan);
-    const ErrorHistory history = ErrorHistory::of(snapshot.history.get());
-    if (context.alpha < 1) context.movement = &history.movement;
+    const stats::Movement movement = snapshot.movement.movement(film);
+    context.movement = &movement;
     const stats::ErrorInterval e = stats::error_interval(stats::halves_of(film, development), context);
     m["candela:relmse_estimate"] = fmt::format("{:.6g}", e.relmse);
     m["candela:relmse_upper"] = fmt::format("{:.6g}", e.upper);

@@ -4,6 +4,7 @@
 #include <new>
 
 #include "common/base/log.h"
+#include "common/stats/error_context.h"
 
 namespace candela::master {
 namespace {
@@ -48,7 +49,8 @@ void JobTable::wait_for(double seconds, const std::function<bool(const Scheduler
 std::shared_ptr<JobFilm> JobTable::make_film(const JobRow& row) const {
   return std::make_shared<JobFilm>(
       folder_of(row.id), layout_of(row), row.named_state->film_scale_log2, film_writer_,
-      CheckpointShape{row.chains ? row.chains->chains : 0, row.accumulators, row.epochs});
+      CheckpointShape{row.chains ? row.chains->chains : 0, row.accumulators, row.epochs,
+                      stats::context_of(row.settings.integrator_settings, row.plan).alpha});
 }
 
 std::shared_ptr<JobFilm> JobTable::film_of(const std::string& job_id) {

@@ -119,12 +119,12 @@ void JobUpkeep::keep_manifest(const std::string& job_id) {
 }
 
 std::optional<JobUpkeep::Estimate> JobUpkeep::estimate(const std::string& job_id, JobFilm& film,
-                                                       ErrorHistory& history, bool add) {
+                                                       ErrorHistory* history) {
   const JobFilm::Snapshot copy =
       bulk_.run([&]() CANDELA_REQUIRES(mutex_) { return film.snapshot_in(room_); });
   room_used_ = JobTable::now().seconds;
   if (!copy.film) return std::nullopt;
-  history = ErrorHistory::of(copy.history.get());
+  if (history != nullptr) *history = ErrorHistory::of(copy.history.get());
   const JobRow row = table_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
   const auto development = bulk_.run([&] { return develop(row, copy, {}); });
   if (!development.ok()) {
@@ -132,13 +132,11 @@ std::optional<JobUpkeep::Estimate> JobUpkeep::estimate(const std::string& job_id
     return std::nullopt;
   }
   stats::ErrorContext context = stats::context_of(row.settings.integrator_settings, row.plan);
-  const bool moves = context.alpha < 1;
-  if (moves) context.movement = &history.movement;
+  const stats::Movement movement = copy.movement.movement(*copy.film);
+  context.movement = &movement;
   Estimate out;
   out.error =
       bulk_.run([&] { return stats::error_interval(stats::halves_of(*copy.film, *development), context); });
-  out.adds = moves && add && history.movement.due(out.error.blocks.n0, out.error.blocks.n1);
-  if (out.adds) history.movement.add(out.error.blocks, context.alpha);
   out.iterations = copy.film->iterations();
   out.merged = {copy.film->merged(0), copy.film->merged(1)};
   append_convergence(table_.folder_of(job_id), {row.iterations_of(out.iterations), row.elapsed_seconds,
@@ -151,12 +149,10 @@ void JobUpkeep::estimate_error(const std::string& job_id, JobFilm& film, bool at
   struct Figures {
     std::uint64_t iterations = 0;
     bool both = false;
-    bool prefixes = false;
   };
   const Figures f = table_.with_scheduler([&](Scheduler& s) {
     const Job* job = s.job(job_id);
-    return Figures{job->row.iterations, job->merged[0].count() > 0 && job->merged[1].count() > 0,
-                   job->prefix > 0};
+    return Figures{job->row.iterations, job->merged[0].count() > 0 && job->merged[1].count() > 0};
   });
   if (!f.both || f.iterations == state.estimated_iterations) return;
   if (!at_once) {
@@ -167,11 +163,8 @@ void JobUpkeep::estimate_error(const std::string& job_id, JobFilm& film, bool at
       return;
   }
   const double started = state.last_estimate = JobTable::now().seconds;
-  // The history of a job that ends by its error has images of whole prefixes alone.
-  ErrorHistory history;
-  const std::optional<Estimate> e = estimate(job_id, film, history, !f.prefixes);
+  const std::optional<Estimate> e = estimate(job_id, film);
   if (!e) return;
-  if (e->adds) film.remember_history(history.serialise());
   state.last_estimate = JobTable::now().seconds;
   state.estimate_cost = state.last_estimate - started;
   state.estimated_iterations = e->iterations;
@@ -187,7 +180,7 @@ bool JobUpkeep::look_at_prefixes(const std::string& job_id, JobFilm& film) {
     film.move_border(prefix->border);
     if (state.looked.version != prefix->border.version) {
       ErrorHistory history;
-      const std::optional<Estimate> e = estimate(job_id, film, history, true);
+      const std::optional<Estimate> e = estimate(job_id, film, &history);
       if (!e) return false;
       bool is_prefix = true;  // or it was cut before the job was to end by its error
       for (std::uint32_t half = 0; half < 2; ++half) {

@@ -79,10 +79,9 @@ class JobUpkeep {
     std::uint64_t iterations = 0;
     HalfSets merged;
     stats::ErrorInterval error;
-    bool adds = false;  // an image to the history
   };
-  // Nothing: there is no image, or it cannot be read. `add`: the image may be the history's next one.
-  std::optional<Estimate> estimate(const std::string& job_id, JobFilm& film, ErrorHistory& history, bool add)
+  // Nothing: there is no image, or it cannot be read. `history`: gets that of the film at the same moment.
+  std::optional<Estimate> estimate(const std::string& job_id, JobFilm& film, ErrorHistory* history = nullptr)
       CANDELA_REQUIRES(mutex_);
   void summarize_chains(const std::string& job_id, JobFilm& film, bool at_once) CANDELA_REQUIRES(mutex_);
   void write_image(const std::string& job_id, JobFilm& film) CANDELA_REQUIRES(mutex_);

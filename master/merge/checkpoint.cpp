@@ -14,7 +14,7 @@ namespace {
 constexpr std::string_view kChainsMagic = "CANCHNS1";
 constexpr std::string_view kSumsMagic = "CANSUMS1";
 constexpr std::string_view kDecisionsMagic = "CANSUMS2";
-constexpr std::string_view kHistoryMagic = "CANHIST1";
+constexpr std::string_view kMovementMagic = "CANMOVES", kHistoryMagic = "CANHIST1";
 constexpr std::uint32_t kMaxStates = 1U << 22;
 
 std::string encode_film_and_chains(const film::MergedFilm& merged, const ChainRecords& records) {
@@ -182,6 +182,34 @@ Result<ParsedCheckpoint> parse_sums(std::string_view bytes, const CheckpointShap
   return out;
 }
 
+void append_part(std::string_view part, std::string_view magic, std::string& checkpoint) {
+  const std::size_t begin = checkpoint.size();
+  checkpoint += part;
+  film::put_u64(checkpoint, part.size());
+  film::put_u64(checkpoint, film::checksum(std::string_view(checkpoint).substr(begin)));
+  checkpoint += magic;
+}
+
+// Takes what append_part() appended off the end of `bytes`.
+Result<std::string_view> take_part(std::string_view& bytes, std::string_view magic, std::string_view what,
+                                   std::string_view field) {
+  bytes.remove_suffix(magic.size());
+  constexpr std::size_t kNumber = sizeof(std::uint64_t);
+  const auto bad = [&] {
+    return input_error(fmt::format("the checkpoint has a damaged {}", what)).with_field(std::string(field));
+  };
+  if (bytes.size() < 2 * kNumber) return bad();
+  const std::uint64_t sum = film::Reader(bytes.substr(bytes.size() - kNumber)).u64();
+  bytes.remove_suffix(kNumber);
+  const std::uint64_t length = film::Reader(bytes.substr(bytes.size() - kNumber)).u64();
+  if (length > bytes.size() - kNumber) return bad();
+  const std::size_t begin = bytes.size() - kNumber - length;
+  if (film::checksum(bytes.substr(begin)) != sum) return bad();
+  const std::string_view part = bytes.substr(begin, length);
+  bytes = bytes.substr(0, begin);
+  return part;
+}
+
 }  // namespace
 
 std::string encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records,
@@ -227,30 +255,34 @@ void encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records
   film::seal(out);
 }
 
+void append_movement(const stats::MovementSums& movement, std::string& checkpoint) {
+  if (movement.needed()) append_part(movement.serialise(), kMovementMagic, checkpoint);
+}
+
 void append_history(const std::string& history, std::string& checkpoint) {
-  const std::size_t begin = checkpoint.size();
-  checkpoint += history;
-  film::put_u64(checkpoint, history.size());
-  film::put_u64(checkpoint, film::checksum(std::string_view(checkpoint).substr(begin)));
-  checkpoint += kHistoryMagic;
+  append_part(history, kHistoryMagic, checkpoint);
 }
 
 Result<ParsedCheckpoint> parse_checkpoint(std::string_view bytes, const CheckpointShape& shape) {
-  if (!bytes.ends_with(kHistoryMagic)) return parse_sums(bytes, shape);
-  constexpr std::size_t kNumber = sizeof(std::uint64_t);
-  bytes.remove_suffix(kHistoryMagic.size());
-  const auto bad = [] {
-    return input_error("the checkpoint has a damaged history of the error").with_field("error_history");
-  };
-  if (bytes.size() < 2 * kNumber) return bad();
-  const std::uint64_t sum = film::Reader(bytes.substr(bytes.size() - kNumber)).u64();
-  bytes.remove_suffix(kNumber);
-  const std::uint64_t length = film::Reader(bytes.substr(bytes.size() - kNumber)).u64();
-  if (length > bytes.size() - kNumber) return bad();
-  const std::size_t begin = bytes.size() - kNumber - length;
-  if (film::checksum(bytes.substr(begin)) != sum) return bad();
-  CANDELA_ASSIGN(ParsedCheckpoint out, parse_sums(bytes.substr(0, begin), shape));
-  out.history = std::make_shared<const std::string>(bytes.substr(begin, length));
+  std::string_view history, movement;
+  const bool has_history = bytes.ends_with(kHistoryMagic);
+  if (has_history) {
+    CANDELA_ASSIGN(history, take_part(bytes, kHistoryMagic, "history of the error", "error_history"));
+  }
+  const bool has_movement = bytes.ends_with(kMovementMagic);
+  if (has_movement) {
+    CANDELA_ASSIGN(movement, take_part(bytes, kMovementMagic, "movement of the image", "movement"));
+  }
+  CANDELA_ASSIGN(ParsedCheckpoint out, parse_sums(bytes, shape));
+  if (has_history) out.history = std::make_shared<const std::string>(history);
+  out.movement = stats::MovementSums(out.film.layout(), shape.movement_alpha);
+  if (!has_movement || !out.movement.needed()) {
+    out.movement.adopt(out.film);
+    return out;
+  }
+  CANDELA_TRY(out.movement.parse(movement));
+  if (!out.movement.fits(out.film))
+    return input_error("the checkpoint has the movement of another image").with_field("movement");
   return out;
 }
 

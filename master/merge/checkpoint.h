@@ -13,8 +13,8 @@
 // bytes of the states of epochs that are not folded, each with its length (u64); the sums of the carry, each
 // with its length (u64), its memo with its length (u64); XXH64 of all before (u64).
 //
-// A history of the error follows any of these forms where there is one: its bytes; their number (u64); XXH64
-// of bytes and number (u64); "CANHIST1".
+// The sums of the image's movement, and then a history of the error, follow any of these forms where there
+// are such: bytes; their number (u64); XXH64 of bytes and number (u64); "CANMOVES" or "CANHIST1".
 #pragma once
 
 #include <cstdint>
@@ -31,6 +31,7 @@
 #include "common/film/accumulator.h"
 #include "common/film/merged_film.h"
 #include "common/stages/decision.h"
+#include "common/stats/movement_sums.h"
 
 namespace candela::master {
 
@@ -62,7 +63,10 @@ struct Decisions {
 
 std::string encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records,
                               const Accumulators& accumulators = {}, const Decisions& decisions = {});
-// Appends the history of the error to a checkpoint; what its bytes mean is nobody's affair here.
+// Appends the sums of the image's movement, if the job has any, to a checkpoint.
+void append_movement(const stats::MovementSums& movement, std::string& checkpoint);
+// Appends the history of the error to a checkpoint; what its bytes mean is nobody's affair here. After the
+// movement.
 void append_history(const std::string& history, std::string& checkpoint);
 // The same into `out`, which is replaced; its memory is used.
 void encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records,
@@ -74,15 +78,17 @@ struct ParsedCheckpoint {
   Accumulators accumulators = {};
   Decisions decisions = {};
   std::shared_ptr<const std::string> history = {};  // null: none
+  stats::MovementSums movement = {};  // of the film, also if the checkpoint is of a build before
 };
 // The parts of a job's checkpoints beside its film.
 struct CheckpointShape {
   CheckpointShape(std::uint32_t chain_count, std::vector<film::AccumulatorSpec> specs = {},  // NOLINT
-                  std::optional<EpochPlan> plan = {})
-      : chains(chain_count), accumulators(std::move(specs)), epochs(std::move(plan)) {}
+                  std::optional<EpochPlan> plan = {}, double alpha = 1)
+      : chains(chain_count), accumulators(std::move(specs)), epochs(std::move(plan)), movement_alpha(alpha) {}
   std::uint32_t chains;  // 0: none
   std::vector<film::AccumulatorSpec> accumulators;
   std::optional<EpochPlan> epochs;
+  double movement_alpha;  // of MovementSums; 1: the job has none
 };
 // Fails (input) on damage, on another number of chains, where a record is not of the segments that are
 // merged, on accumulators that the shape does not have, and where states and carry do not belong together.

@@ -73,8 +73,8 @@ JobFilm::JobFilm(std::filesystem::path folder, film::Layout layout, int scale_lo
       chains_(shape.chains),
       specs_(std::move(shape.accumulators)),
       epoch_plan_(std::move(shape.epochs)),
-      epochs_(epoch_plan_ ? std::optional<Epochs>({epoch_plan_->first, epoch_plan_->growth}) : std::nullopt) {
-}
+      epochs_(epoch_plan_ ? std::optional<Epochs>({epoch_plan_->first, epoch_plan_->growth}) : std::nullopt),
+      movement_alpha_(shape.movement_alpha) {}
 
 ChainRecords JobFilm::fresh_records() const {
   return ChainRecords(chains_, std::make_shared<const chains::ChainRecord>());
@@ -99,7 +99,8 @@ std::vector<JobFilm::Found> JobFilm::generations() const {
 
 Result<ParsedCheckpoint> JobFilm::read(const Found& found) const {
   CANDELA_ASSIGN(const std::string bytes, read_file(found.path, kMaxCheckpointBytes));
-  CANDELA_ASSIGN(ParsedCheckpoint parsed, parse_checkpoint(bytes, {chains_, specs_, epoch_plan_}));
+  CANDELA_ASSIGN(ParsedCheckpoint parsed,
+                 parse_checkpoint(bytes, {chains_, specs_, epoch_plan_, movement_alpha_}));
   if (parsed.film.layout() != layout_ || parsed.film.scale_log2() != scale_log2_)
     return input_error("it belongs to another film");
   return parsed;
@@ -140,6 +141,8 @@ Result<JobFilm::Loading> JobFilm::load() {
   auto film = found ? std::make_unique<film::MergedFilm>(std::move(found->film))
                     : std::make_unique<film::MergedFilm>(layout_, scale_log2_);
   ChainRecords records = found ? std::move(found->records) : fresh_records();
+  stats::MovementSums movement =
+      found ? std::move(found->movement) : stats::MovementSums(layout_, movement_alpha_);
   if (found && !leaves_room()) throw std::bad_alloc();
   const Lock lock(mutex_);
   film_ = std::move(film);
@@ -150,6 +153,7 @@ Result<JobFilm::Loading> JobFilm::load() {
   accumulators_ = found ? std::move(found->accumulators) : Accumulators();
   decisions_ = found ? std::move(found->decisions) : Decisions();
   history_ = found ? std::move(found->history) : nullptr;
+  movement_ = std::move(movement);
   border_ = {};
   drop_ahead();
   saved_states_ = decisions_.states.size();
@@ -200,6 +204,7 @@ void JobFilm::unload_if_idle(double now_seconds, double idle_seconds) {
     accumulators_.clear();
     decisions_ = {};
     history_.reset();
+    movement_ = {};
     drop_ahead();
     saved_states_ = saved_decisions_ = 0;
     const Lock records_lock(records_mutex_);
@@ -241,17 +246,20 @@ Result<JobFilm::Outcome> JobFilm::merge(const film::Delta& delta, std::vector<ch
                fmt::format("{} accumulators, the job has {}", delta.accumulators().size(), specs_.size()))
         .with_field("accumulators");
   if (unit.begin < border_.end[unit.half]) {
-    CANDELA_TRY(add_sums(delta, *film_, accumulators_));
+    CANDELA_TRY(add_sums(delta, *film_, movement_, accumulators_));
     const Lock records_lock(records_mutex_);
     for (std::uint64_t i = unit.begin; chains_ > 0 && i < unit.end; ++i)
       records_[chains::chain_of(unit.half, i, chains_)].swap(shared[i - unit.begin]);
     return Outcome::merged;
   }
-  if (!ahead_.film) ahead_.film = std::make_unique<film::MergedFilm>(layout_, scale_log2_);
+  if (!ahead_.film) {
+    ahead_.movement = stats::MovementSums(layout_, movement_alpha_);
+    ahead_.film = std::make_unique<film::MergedFilm>(layout_, scale_log2_);
+  }
   std::map<std::uint64_t, std::shared_ptr<const chains::ChainRecord>> newest;  // made before the sums change
   for (std::uint64_t i = unit.begin; chains_ > 0 && i < unit.end; ++i)
     newest[chains::chain_of(unit.half, i, chains_)] = std::move(shared[i - unit.begin]);
-  CANDELA_TRY(add_sums(delta, *ahead_.film, ahead_.accumulators));
+  CANDELA_TRY(add_sums(delta, *ahead_.film, ahead_.movement, ahead_.accumulators));
   const Lock records_lock(records_mutex_);
   newest.merge(ahead_.records);
   ahead_.records.swap(newest);
@@ -263,62 +271,15 @@ const std::shared_ptr<const chains::ChainRecord>& JobFilm::newest_record(std::ui
   return ahead == ahead_.records.end() ? records_[chain] : ahead->second;
 }
 
-void JobFilm::set_border(const PrefixBorder& border) {
-  if (border.version <= border_.version) return;
-  if (border.end != border_.end) merge_ahead();
-  border_ = border;
-}
-
-// All that can run out of memory comes before the first change that somebody sees.
-void JobFilm::merge_ahead() {
-  if (!ahead_.film) return;
-  Accumulators accumulators;
-  for (const auto& [key, sums] : ahead_.accumulators) {
-    const auto held = accumulators_.find(key);
-    if (held == accumulators_.end()) {
-      accumulators.emplace(key, sums);
-      continue;
-    }
-    auto both = std::make_shared<film::MergedAccumulator>(*held->second);
-    static_cast<void>(both->merge(*sums));  // of one spec
-    accumulators.emplace(key, std::move(both));
-  }
-  static_cast<void>(film_->merge(*ahead_.film));  // of one layout, and what is ahead is in no other film
-  accumulators.merge(accumulators_);
-  accumulators_.swap(accumulators);
-  const Lock records_lock(records_mutex_);
-  for (auto& [chain, record] : ahead_.records) records_[chain] = std::move(record);
-  ahead_ = {};
-}
-
-void JobFilm::drop_ahead() {
-  const Lock records_lock(records_mutex_);
-  ahead_ = {};
-}
-
-void JobFilm::move_border(const PrefixBorder& border) {
-  const Lock lock(mutex_);
-  if (film_) set_border(border);
-}
-
-void JobFilm::release_ahead() {
-  const Lock lock(mutex_);
-  if (film_) merge_ahead();
-}
-
-void JobFilm::discard_ahead() {
-  const Lock lock(mutex_);
-  drop_ahead();
-}
-
 void JobFilm::remember_history(std::string bytes) {
   auto history = std::make_shared<const std::string>(std::move(bytes));
   const Lock lock(mutex_);
   if (film_) history_ = std::move(history);
 }
 
-// Film and accumulators change together or not at all, also if memory runs out.
-Result<void> JobFilm::add_sums(const film::Delta& delta, film::MergedFilm& film, Accumulators& accumulators) {
+// Film, movement and accumulators change together or not at all, also if memory runs out.
+Result<void> JobFilm::add_sums(const film::Delta& delta, film::MergedFilm& film,
+                               stats::MovementSums& movement, Accumulators& accumulators) {
   const auto& sums = delta.accumulators();
   std::uint32_t channels = 0;
   std::vector<film::MergedAccumulator*> to;
@@ -336,7 +297,8 @@ Result<void> JobFilm::add_sums(const film::Delta& delta, film::MergedFilm& film,
     to.back()->reserve(sums[i]);
     channels = std::max(channels, sums[i].sums.channels());
   }
-  film::SparseSums::TileBuffers buffers(channels);  // to take sums back nothing is allocated
+  // To take sums back, and for the movement, nothing is allocated.
+  film::SparseSums::TileBuffers buffers(std::max<std::uint32_t>(channels, film::kChannels));
   std::size_t added = 0;
   const auto take_back = [&] {
     while (added-- > 0) to[added]->take_back(sums[added], buffers);
@@ -344,7 +306,10 @@ Result<void> JobFilm::add_sums(const film::Delta& delta, film::MergedFilm& film,
   try {
     for (; added < to.size(); ++added) to[added]->merge(sums[added]);
     Result<void> merged = film.merge(delta);  // the last that can be refused
-    if (!merged.ok()) take_back();
+    if (merged.ok())
+      movement.add(delta, buffers);
+    else
+      take_back();
     return merged;
   } catch (const std::bad_alloc&) {
     take_back();
@@ -392,6 +357,7 @@ Result<void> JobFilm::discard() {
     accumulators_.clear();
     decisions_ = {};
     history_.reset();
+    movement_ = {};
     drop_ahead();
     const Lock records_lock(records_mutex_);
     ChainRecords().swap(records_);
@@ -444,6 +410,7 @@ void JobFilm::add_all_but_film(Snapshot& out) const {
     out.chain_segments += record->segments;
   }
   out.history = history_;
+  out.movement = movement_;
   out.accumulators.resize(specs_.size());
   for (std::size_t i = 0; i < specs_.size(); ++i)
     for (std::uint32_t half = 0; half < 2 && specs_[i].per == film::AccumulatorSpec::Per::job; ++half)
@@ -556,6 +523,7 @@ Result<void> JobFilm::encode_copy(Room& room, Saved& saved) const {
   Accumulators accumulators;
   Decisions decisions;
   std::shared_ptr<const std::string> history;
+  stats::MovementSums movement;
   {
     const Lock lock(mutex_);
     saved = present();
@@ -563,10 +531,12 @@ Result<void> JobFilm::encode_copy(Room& room, Saved& saved) const {
     accumulators = accumulators_;
     decisions = decisions_;
     history = history_;
+    movement = movement_;
     room.film = *film_;
     records = this->records();
   }
   encode_checkpoint(*room.film, records, accumulators, decisions, room.bytes);
+  append_movement(movement, room.bytes);
   if (history) append_history(*history, room.bytes);
   return {};
 }
@@ -577,6 +547,7 @@ Result<void> JobFilm::encode_in_place(Room& room, Saved& saved) const {
   saved = present();
   if (!film_) return {};
   encode_checkpoint(*film_, records(), accumulators_, decisions_, room.bytes);
+  append_movement(movement_, room.bytes);
   if (history_) append_history(*history_, room.bytes);
   return {};
 }

@@ -99,6 +99,7 @@ class JobFilm {
     std::shared_ptr<const Carry> carry = {};
     std::vector<std::vector<std::shared_ptr<const film::MergedAccumulator>>> open_epochs = {};
     std::shared_ptr<const std::string> history = {};  // remember_history()
+    stats::MovementSums movement = {};                // of the film
   };
   Snapshot snapshot(Part part = Part::all);
   // Buffers that copies of films reuse one after another. Fresh memory costs a page fault for every 4 KiB, as
@@ -206,8 +207,8 @@ class JobFilm {
   Result<void> encode_copy(Room& room, Saved& saved) const;
   Result<void> encode_in_place(Room& room, Saved& saved) const;
   ChainRecords fresh_records() const;
-  Result<void> add_sums(const film::Delta& delta, film::MergedFilm& film, Accumulators& accumulators)
-      CANDELA_REQUIRES(mutex_);
+  Result<void> add_sums(const film::Delta& delta, film::MergedFilm& film, stats::MovementSums& movement,
+                        Accumulators& accumulators) CANDELA_REQUIRES(mutex_);
   film::MergedAccumulator& editable(Accumulators& accumulators, const AccumulatorKey& key)
       CANDELA_REQUIRES(mutex_);
   // The chain's newest record, also one that is ahead. Precondition: mutex_ or records_mutex_ is held.
@@ -232,6 +233,7 @@ class JobFilm {
   const std::vector<film::AccumulatorSpec> specs_;
   const std::optional<EpochPlan> epoch_plan_;
   const std::optional<Epochs> epochs_;  // of epoch_plan_
+  const double movement_alpha_;
 
   std::atomic<std::uint64_t> received_statistics_bytes_{0};
   Mutex opening_mutex_;  // taken before all others
@@ -245,10 +247,12 @@ class JobFilm {
   Accumulators accumulators_ CANDELA_GUARDED_BY(mutex_);
   Decisions decisions_ CANDELA_GUARDED_BY(mutex_);
   std::shared_ptr<const std::string> history_ CANDELA_GUARDED_BY(mutex_);
+  stats::MovementSums movement_ CANDELA_GUARDED_BY(mutex_);  // of film_
   PrefixBorder border_ CANDELA_GUARDED_BY(mutex_);
   // The sums beyond the border.
   struct Ahead {
     std::unique_ptr<film::MergedFilm> film;  // null: nothing is there
+    stats::MovementSums movement;
     Accumulators accumulators;
     std::map<std::uint64_t, std::shared_ptr<const chains::ChainRecord>> records;  // guarded as records_
   };

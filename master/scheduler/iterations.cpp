@@ -1,6 +1,7 @@
 // Iterations: any range of a half that nobody has, within one open epoch if the job has epochs.
 #include <algorithm>
 
+#include "common/stats/movement_sums.h"
 #include "master/scheduler/open_epochs.h"
 #include "master/scheduler/unit_source.h"
 
@@ -9,13 +10,15 @@ namespace {
 
 class IterationSource final : public UnitSource {
  public:
-  explicit IterationSource(const std::optional<EpochPlan>& epochs) : epochs_(epochs) {}
+  IterationSource(const std::optional<EpochPlan>& epochs, bool in_groups)
+      : epochs_(epochs), in_groups_(in_groups) {}
   Unit::Kind kind() const override { return Unit::Kind::iterations; }
   std::optional<Unit> cut(const JobView& job, std::uint64_t want) override {
     std::uint32_t half = half_behind();
     for (int i = 0; i < 2; ++i, half = 1 - half) {
-      const auto [begin, end] = reserved_[half].first_gap(0, epochs_.open_end(job, half));
+      auto [begin, end] = reserved_[half].first_gap(0, epochs_.open_end(job, half));
       if (begin == end) continue;
+      if (in_groups_) end = std::min(end, stats::end_of_group(begin));
       const Unit unit{kind(), half, begin,
                       std::min(begin + std::min(want, end - begin), epochs_.unit_end(job, begin))};
       reserved_[half].insert(unit.begin, unit.end);
@@ -44,12 +47,13 @@ class IterationSource final : public UnitSource {
 
  private:
   const OpenEpochs epochs_;
+  const bool in_groups_;
 };
 
 }  // namespace
 
-std::unique_ptr<UnitSource> make_iteration_source(const std::optional<EpochPlan>& epochs) {
-  return std::make_unique<IterationSource>(epochs);
+std::unique_ptr<UnitSource> make_iteration_source(const std::optional<EpochPlan>& epochs, bool in_groups) {
+  return std::make_unique<IterationSource>(epochs, in_groups);
 }
 
 }  // namespace candela::master

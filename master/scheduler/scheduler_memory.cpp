@@ -8,6 +8,8 @@
 #include <algorithm>
 
 #include "common/stages/decision.h"
+#include "common/stats/error_context.h"
+#include "common/stats/movement_sums.h"
 #include "master/scheduler/scheduler.h"
 
 namespace candela::master {
@@ -33,6 +35,11 @@ MemoryNeed need_of(const JobRow& row, const WorkPlan& work, std::size_t record_b
   const JobSettings& s = row.settings;
   MemoryNeed need =
       memory_need(work, s.width, s.height, std::max<std::uint64_t>(record_bytes, kGuessedRecordBytes));
+  if (stats::context_of(s.integrator_settings, row.plan).alpha < 1) {
+    const std::uint64_t movement = stats::MovementSums::memory_bytes(s.width, s.height);
+    need.film += movement;
+    need.working += movement;
+  }
   if (row.stop.relmse == 0) return need;
   // Deltas beyond a prefix have a film of their own, and sums of each half. Its epochs are none of before.
   WorkPlan beyond;

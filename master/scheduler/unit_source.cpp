@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "common/stats/error_context.h"
+
 namespace candela::master {
 
 std::uint64_t UnitSource::max_unit(const JobView&) const {
@@ -51,7 +53,9 @@ std::unique_ptr<UnitSource> make_source(const JobRow& row) {
 }
 
 std::unique_ptr<UnitSource> make_film_source(const JobRow& row) {
-  return row.chains ? make_segment_source(*row.chains, row.epochs) : make_iteration_source(row.epochs);
+  if (row.chains) return make_segment_source(*row.chains, row.epochs);
+  const bool moves = stats::context_of(row.settings.integrator_settings, row.plan).alpha < 1;
+  return make_iteration_source(row.epochs, moves);
 }
 
 }  // namespace candela::master

@@ -152,7 +152,8 @@ std::unique_ptr<UnitSource> make_film_source(const JobRow& row);
 // The makers of the single stages.
 std::unique_ptr<UnitSource> make_pilot_source();
 std::unique_ptr<UnitSource> make_bootstrap_source(const ChainPlan& plan);
-std::unique_ptr<UnitSource> make_iteration_source(const std::optional<EpochPlan>& epochs);
+// `in_groups`: no unit crosses the border of a group of the movement's sums (stats::end_of_group).
+std::unique_ptr<UnitSource> make_iteration_source(const std::optional<EpochPlan>& epochs, bool in_groups);
 std::unique_ptr<UnitSource> make_segment_source(const ChainPlan& plan,
                                                 const std::optional<EpochPlan>& epochs);
 

@@ -1,5 +1,6 @@
 // Pictures that are made again: from what a picture says of itself, on one worker and on five, here and on a
 // farm, after any end of a job and after deaths.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <csignal>
@@ -52,6 +53,13 @@ std::string indices_of(const std::string& file) {
   return texts->at("candela:indices_a") + "/" + texts->at("candela:indices_b");
 }
 
+// The figures of the error that a picture shows.
+std::string figures_of(const std::string& file) {
+  const auto texts = image::read_texts(file);
+  EXPECT_TRUE(texts.ok());
+  return texts->at("candela:relmse_estimate") + " at most " + texts->at("candela:relmse_upper");
+}
+
 void cancel(Farm& farm, const std::string& id) {
   const CommandResult r = farm.candela({"cancel", id});
   EXPECT_EQ(r.exit_code, 0) << r.err;
@@ -59,10 +67,12 @@ void cancel(Farm& farm, const std::string& id) {
 
 // `more`: how it is made again.
 void expect_reproduced(Farm& farm, const std::string& file, std::vector<std::string> more = {}) {
-  more.insert(more.begin(), {"reproduce", file, "--run", "--quiet"});
+  const std::string again = file + ".again.exr";
+  more.insert(more.begin(), {"reproduce", file, "--run", "--quiet", "-o", again});
   const CommandResult r = farm.candela(more);
-  EXPECT_EQ(r.exit_code, 0) << file << ": " << indices_of(file) << "\n" << r.out << r.err;
+  ASSERT_EQ(r.exit_code, 0) << file << ": " << indices_of(file) << "\n" << r.out << r.err;
   EXPECT_EQ(r.out.substr(0, 7), "equal: ") << r.out;
+  EXPECT_EQ(figures_of(again), figures_of(file));
 }
 
 // Few samples of a few pixels.
@@ -169,6 +179,38 @@ TEST(Reproduce, AfterDeaths) {
   EXPECT_EQ(*again->wait(0), 0) << again->out() << again->err();
   EXPECT_EQ(again->out().substr(0, 7), "equal: ") << again->out();
   EXPECT_EQ(indices_of(fetch(farm, second, "second.exr")), indices_of(file));
+}
+
+// Claim: equal jobs show one error and one interval: on one worker, and on three while the master and a
+// worker are killed; in the status, in the picture, and in what one process renders.
+TEST(Reproduce, OneFigure) {
+  Farm farm;
+  farm.start_master(kShortUnits);
+  farm.start_worker("w0");
+  const std::vector<std::string> limit{"--iterations", "61"};
+  const std::string alone = submit(farm, "fppm", limit);
+  const auto shown = [&](const std::string& id) {
+    farm.wait_for(id, v1::JOB_STATE_DONE);
+    const v1::JobStatus job = farm.job(id);
+    const std::string figures = figures_of(fetch(farm, id, id + ".exr"));
+    EXPECT_EQ(fmt::format("{:.6g} at most {:.6g}", job.relmse_estimate(), job.relmse_upper()), figures);
+    return figures;
+  };
+  const std::string figures = shown(alone);
+  farm.start_worker("w1");
+  Process& last = farm.start_worker("w2");
+  const std::string again = submit(farm, "fppm", limit);
+  farm.wait_for_iterations(again, 8);
+  farm.kill_master();
+  farm.forget_worker(last);
+  farm.restart_master();
+  EXPECT_EQ(shown(again), figures);
+  std::vector<std::string> render{
+      "render", scene_path("cornell"), "-o", farm.folder() / "here.exr", "--size", "16x12", "--seed", "3"};
+  for (const auto& more : {with("fppm"), limit}) render.insert(render.end(), more.begin(), more.end());
+  const CommandResult r = farm.candela(render);
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_EQ(figures_of(farm.folder() / "here.exr"), figures);
 }
 
 // Claim: Ctrl-C during `reproduce --run` tells a command that goes on. Without -o nothing is kept, and the

@@ -6,10 +6,13 @@
 #include <functional>
 #include <vector>
 
+#include "common/film/delta.h"
+#include "common/film/unit_film.h"
 #include "common/rng/stream.h"
 #include "common/stats/error_context.h"
 #include "common/stats/error_interval.h"
 #include "common/stats/image_error.h"
+#include "common/stats/movement_sums.h"
 
 namespace candela::stats {
 namespace {
@@ -176,9 +179,8 @@ TEST(ErrorInterval, CoversTheBiasOfMerging) {
 }
 
 // Claim: a bias that the image cannot tell from its noise is taken to be as large as is expected of it: if
-// there is none, the upper end of 20 images is at most 6 and 3 times the truth in the median at 16 and 128
-// samples; if the bias is as large as the noise or three times as large, the truth is covered in at least 19
-// of them.
+// there is none, the upper end of 20 images is at most 5 and 4 times the truth in the median at 16 and 128
+// samples; the truth is covered in at least 19 of them, and in 18 if the bias is three times the noise.
 TEST(ErrorInterval, ExpectsABiasThatIsNotKnown) {
   constexpr double kAlpha = 5.0 / 6;
   for (const double ratio : {0.0, 1.0, 3.0}) {
@@ -211,11 +213,11 @@ TEST(ErrorInterval, ExpectsABiasThatIsNotKnown) {
         movement.add(shown.blocks, kAlpha);
       }
     }
-    EXPECT_GE(few.covered, 19) << ratio;
-    EXPECT_GE(many.covered, 19) << ratio;
+    EXPECT_GE(few.covered, ratio > 1 ? 18 : 19) << ratio;
+    EXPECT_GE(many.covered, ratio > 1 ? 18 : 19) << ratio;
     if (ratio == 0) {
-      EXPECT_LE(Coverage::median(few.uppers), 10);
-      EXPECT_LE(Coverage::median(many.uppers), 10);
+      EXPECT_LE(Coverage::median(few.uppers), 5);
+      EXPECT_LE(Coverage::median(many.uppers), 4);
     }
   }
 }
@@ -341,22 +343,103 @@ TEST(Movement, FindsTheBias) {
   EXPECT_TRUE(movement.due(1000, 1000));
 }
 
-// Claim: what is stored is read back with the same figures; what is damaged or cut is refused.
-TEST(Movement, IsStored) {
-  Movement movement;
-  for (const double n : {2, 4, 8}) movement.add(blocks(n, static_cast<float>(1 / n)), 0.7);
-  const std::string bytes = movement.serialise();
-  const auto read = Movement::parse(bytes);
-  ASSERT_TRUE(read.ok()) << read.error().to_string();
-  EXPECT_EQ(read->serialise(), bytes);
-  EXPECT_EQ(read->bias(blocks(12, 0.1F), 0.7).a, movement.bias(blocks(12, 0.1F), 0.7).a);
-  const auto empty = Movement::parse(Movement().serialise());
-  EXPECT_TRUE(empty.ok() && empty->due(1, 1));
+constexpr film::Layout kWide{300, 5, 2};  // blocks of 2 x 2 pixels, cut at the lower border
+constexpr int kScaleLog2 = 20;
+constexpr double kFalls = 0.75;
+
+// A delta of iterations whose pixels are 1 + i^(kFalls - 1), alike in both halves, and others in another
+// layer.
+film::Delta delta_of(std::uint32_t half, std::uint64_t begin, std::uint64_t end) {
+  film::UnitFilm film(kWide, kScaleLog2);
+  film::Tallies tallies;
+  for (std::uint64_t i = begin; i < end; ++i)
+    for (std::uint32_t layer = 0; layer < 2; ++layer)
+      for (std::uint32_t y = 0; y < kWide.height; ++y)
+        for (std::uint32_t x = 0; x < kWide.width; ++x) {
+          const auto value =
+              static_cast<float>(1 + layer + std::pow(2 * static_cast<double>(i) + 1.5, kFalls - 1));
+          film.splat(layer, x, y, {value, 2 * value, value * static_cast<float>(1 + x / 2)},
+                     rng::key(i, half, x), tallies);
+        }
+  film.count(tallies);
+  auto delta = film::Delta::decode(
+      film::encode_delta(film, {{Unit::Kind::iterations, half, begin, end}, kWide, kScaleLog2, "j", "b"}),
+      kWide);
+  EXPECT_TRUE(delta.ok());
+  return std::move(*delta);
+}
+
+struct Summed {
+  film::MergedFilm film{kWide, kScaleLog2};
+  MovementSums sums{kWide, kFalls};
+  void add(std::uint32_t half, std::uint64_t begin, std::uint64_t end) {
+    film::SparseSums::TileBuffers buffers(film::kChannels);
+    const film::Delta delta = delta_of(half, begin, end);
+    ASSERT_TRUE(film.merge(delta).ok());
+    sums.add(delta, buffers);
+  }
+  Movement::Bias bias() const {
+    const film::Development as_it_is;
+    const BlockMeans blocks = error_interval(halves_of(film, as_it_is)).blocks;
+    return sums.movement(film).bias(blocks, kFalls);
+  }
+};
+
+// Claim: the movement is a function of the merged indices: the same bits in any order, by any units within
+// the groups, in parts that are added, and from storage; the bias is found to 10 % after 11 iterations; what
+// is damaged or of another job is refused.
+TEST(Movement, IsAFunctionOfTheMergedIndices) {
+  Summed forward, backward, part;
+  for (const std::uint32_t half : {0, 1}) {
+    for (const auto& [begin, end] : {std::pair(0, 2), std::pair(2, 4), std::pair(4, 8), std::pair(8, 11)})
+      forward.add(half, begin, end);
+    for (const auto& [begin, end] : {std::pair(9, 11), std::pair(0, 1), std::pair(5, 8)})
+      backward.add(half, begin, end);
+    for (const auto& [begin, end] : {std::pair(2, 4), std::pair(1, 2), std::pair(8, 9), std::pair(4, 5)})
+      part.add(half, begin, end);
+  }
+  ASSERT_TRUE(backward.film.merge(part.film).ok());
+  backward.sums.add(part.sums);
+  EXPECT_EQ(backward.sums.serialise(), forward.sums.serialise());
+  const Movement::Bias bias = forward.bias();
+  EXPECT_EQ(backward.bias().a, bias.a);
+  EXPECT_EQ(backward.bias().b, bias.b);
+  ASSERT_EQ(bias.a.size(), 150U * 3 * 3);
+  double fallen = 0;
+  for (int i = 0; i < 11; ++i) fallen += std::pow(2 * i + 1.5, kFalls - 1) / 11;
+  EXPECT_NEAR(bias.a[0] / fallen, 1, 0.1);
+  EXPECT_NEAR(bias.b[4] / fallen, 2, 0.2);
+  EXPECT_NEAR(bias.a.back() / bias.a[0], 150, 1e-2) << "a cut block is divided by its pixels";
+
+  MovementSums read(kWide, kFalls);
+  const std::string bytes = forward.sums.serialise();
+  ASSERT_TRUE(read.parse(bytes).ok());
+  EXPECT_EQ(read.serialise(), bytes);
+  EXPECT_FALSE(MovementSums(kWide, 0.7).parse(bytes).ok());
   for (const std::size_t length : {std::size_t{0}, std::size_t{9}, bytes.size() - 1})
-    EXPECT_FALSE(Movement::parse(bytes.substr(0, length)).ok());
+    EXPECT_FALSE(read.parse(bytes.substr(0, length)).ok());
   std::string changed = bytes;
   changed[40] ^= 1;
-  EXPECT_FALSE(Movement::parse(changed).ok());
+  EXPECT_FALSE(read.parse(changed).ok());
+  EXPECT_EQ(read.serialise(), bytes) << "what is refused changes nothing";
+}
+
+// Claim: sums of a film that was merged without them are those of one group; more is added as to others. A
+// job whose image does not move has none.
+TEST(Movement, AdoptsAFilm) {
+  Summed summed;
+  for (const std::uint32_t half : {0, 1}) summed.add(half, 0, 2);
+  MovementSums adopted(kWide, kFalls);
+  EXPECT_FALSE(adopted.fits(summed.film));
+  adopted.adopt(summed.film);
+  EXPECT_EQ(adopted.serialise(), summed.sums.serialise());
+  for (const std::uint32_t half : {0, 1}) summed.add(half, 2, 4);
+  EXPECT_FALSE(adopted.fits(summed.film));
+  EXPECT_TRUE(adopted.movement(summed.film).bias({}, kFalls).a.empty());
+  MovementSums none;
+  none.adopt(summed.film);
+  EXPECT_FALSE(none.needed());
+  EXPECT_TRUE(none.fits(summed.film));
 }
 
 // Claim: what merges, and how its bias falls, follows from settings and plan.
@@ -376,7 +459,7 @@ TEST(ErrorContext, FollowsSettingsAndPlan) {
   EXPECT_FALSE(ppm.connects);
   EXPECT_EQ(ppm.expected_bias, 2.2);
   for (const auto& [name, expected] :
-       {std::pair("alpha_f", 6.0), std::pair("alpha_chi", 6.0), std::pair("r_max", 1.4)})
+       {std::pair("alpha_f", 9.0), std::pair("alpha_chi", 9.0), std::pair("r_max", 1.4)})
     EXPECT_EQ(context_of({{"radius", "0"}, {name, "1"}}, "use  photons on surfaces: x\n").expected_bias,
               expected);
   EXPECT_NEAR(context_of({{"radius", "0"}}, "use  photons on surfaces: x\n").alpha, 5.0 / 6, 1e-12);

@@ -9,7 +9,9 @@
 #include "common/film/unit_film.h"
 #include "common/rng/stream.h"
 #include "common/stages/prefixes.h"
+#include "common/stats/movement_sums.h"
 #include "master/jobs/error_history.h"
+#include "master/merge/checkpoint.h"
 #include "master/merge/job_film.h"
 #include "tests/temporary_folder.h"
 #include "tests/unit/scheduler_fixture.h"
@@ -215,6 +217,50 @@ TEST(PrefixFilm, CheckpointsHaveTheHistory) {
     EXPECT_FALSE(parse_checkpoint(damaged, 0).ok()) << back;
   }
   ASSERT_TRUE(parse_checkpoint(bytes, 0).ok());
+}
+
+// Claim: the sums of the image's movement are in the checkpoint and in no part beyond the border; a film that
+// a build before has written has them as one group.
+TEST(PrefixFilm, CheckpointsHaveTheMovement) {
+  test::TemporaryFolder folder;
+  const CheckpointShape shape(0, {}, {}, 0.7);
+  const auto film_of = [&] {
+    auto film = std::make_unique<JobFilm>(folder.path(), kLayout, 10, &write_file_atomically, shape);
+    EXPECT_TRUE(film->ensure_loaded().ok());
+    return film;
+  };
+  const auto film = film_of();
+  for (const std::uint32_t half : {0, 1})
+    for (const auto& [begin, end] : {std::pair(4, 6), std::pair(0, 2), std::pair(2, 4)})
+      ASSERT_TRUE(film->merge(delta_of(iterations(half, begin, end)), {}, border_at(4, 1)).ok());
+  film->remember_history("h");
+  stats::MovementSums sums(kLayout, 0.7);
+  film::SparseSums::TileBuffers buffers(film::kChannels);
+  for (const std::uint32_t half : {0, 1})
+    for (const auto& [begin, end] : {std::pair(0, 2), std::pair(2, 4)})
+      sums.add(delta_of(iterations(half, begin, end)), buffers);
+  EXPECT_EQ(film->snapshot().movement.serialise(), sums.serialise());
+  ASSERT_TRUE(film->checkpoint().ok());
+  EXPECT_EQ(film_of()->snapshot().movement.serialise(), sums.serialise());
+  EXPECT_EQ(*film_of()->snapshot().history, "h");
+  film->release_ahead();
+  for (const std::uint32_t half : {0, 1}) sums.add(delta_of(iterations(half, 4, 6)), buffers);
+  EXPECT_EQ(film->snapshot().movement.serialise(), sums.serialise());
+
+  const std::string bytes = *read_file(folder.path() / "film.1.ckpt", 1 << 20);
+  std::string plain = encode_checkpoint(*film->snapshot().film, {});
+  const std::size_t trailer = plain.size();
+  const auto adopted = parse_checkpoint(plain, shape);
+  ASSERT_TRUE(adopted.ok());
+  EXPECT_TRUE(adopted->movement.fits(adopted->film));
+  append_movement(sums, plain);
+  ASSERT_TRUE(parse_checkpoint(plain, shape).ok());
+  EXPECT_TRUE(parse_checkpoint(plain, 0).ok()) << "a job without them passes them over";
+  for (std::size_t at = trailer; at < plain.size(); ++at) {
+    std::string damaged = plain;
+    damaged[at] ^= 1;
+    EXPECT_FALSE(parse_checkpoint(damaged, shape).ok()) << at;
+  }
 }
 
 class PrefixScheduler : public SchedulerFixture {
@@ -434,6 +480,33 @@ TEST_F(PrefixScheduler, WhatIsPromisedComesBeforeTheEnd) {
   EXPECT_TRUE(job().finishing);
   EXPECT_EQ(job().row.stop_reason, "relmse");
   EXPECT_EQ(count(job().lost()), 0U);
+}
+
+// Claim: no unit of a job that merges photons crosses the border of a group of the movement's sums; others
+// are as long as workers like.
+TEST_F(PrefixScheduler, UnitsStayInTheirGroups) {
+  worker("a");
+  std::uint64_t longest = 0;
+  for (const bool merges : {true, false}) {
+    JobRow j = row(merges ? "merges" : "not", 400);
+    if (merges) j.settings.integrator_settings = {{"radius", "0"}};
+    j.plan = "use  photons on surfaces: x\n";
+    j.named_state = NamedState{1};
+    j.thread_seconds_per_iteration = 0.05;
+    s->restore(j, {}, {}, {}, {}, now());
+    while (const auto l = lease("a")) {
+      const Unit u = unit_of(*l);
+      if (merges) {
+        EXPECT_LE(u.end, stats::end_of_group(u.begin)) << u.begin;
+        longest = std::max(longest, u.end - u.begin);
+      } else {
+        longest = u.begin < 4 && u.end > 4 ? 0 : longest;
+      }
+      deliver(*l, u, {}, 0.05 * static_cast<double>(u.end - u.begin));
+    }
+    EXPECT_EQ(s->job(j.id)->row.iterations, 400U);
+  }
+  EXPECT_EQ(longest, 0U);
 }
 
 }  // namespace
