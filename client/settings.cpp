@@ -363,8 +363,7 @@ Result<std::string> resolve_edits(const description::SceneDescription& scene, co
   };
   CANDELA_TRY(field(
       edits::check_integrator(list, settings.integrator, edits::max_depth_of(settings.integrator_settings))));
-  CANDELA_TRY(
-      field(description::check_edits(list, *scene.scene, settings.integrator, !settings.layers.empty())));
+  CANDELA_TRY(field(description::check_edits(list, *scene.scene)));
   return edits::text_of(list);
 }
 

@@ -229,8 +229,7 @@ Result<void> check_layers(const letters::LayerRequest& request, const Object& sc
   return {};
 }
 
-Result<void> check_edits(const edits::EditList& list, const Object& scene, std::string_view integrator,
-                         bool layers) {
+Result<void> check_edits(const edits::EditList& list, const Object& scene) {
   if (list.empty()) return {};
   const LetterObjects objects = letter_objects(scene);
   std::vector<edits::Selection> selections;
@@ -239,7 +238,7 @@ Result<void> check_edits(const edits::EditList& list, const Object& scene, std::
                    edits::Selection::compile(list, edit, objects.names, objects.uses));
     selections.push_back(std::move(selection));
   }
-  return edits::check_by_path(list, selections, objects.names, objects.uses, integrator, layers);
+  return edits::check_by_path(list, selections, objects.names, objects.uses);
 }
 
 }  // namespace candela::description

@@ -30,8 +30,7 @@ LetterObjects letter_objects(const Object& scene);
 Result<void> check_layers(const letters::LayerRequest& request, const Object& scene);
 
 // The same of the expressions of edits. Errors: those of edits::Selection and edits::check_by_path().
-Result<void> check_edits(const edits::EditList& list, const Object& scene, std::string_view integrator,
-                         bool layers);
+Result<void> check_edits(const edits::EditList& list, const Object& scene);
 
 struct Box {
   Vec3 low{}, high{};

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <set>
 #include <string_view>
@@ -11,7 +10,6 @@
 
 #include "common/edits/path_states.h"
 #include "common/edits/vertex_classes.h"
-#include "common/job/tools.h"
 #include "common/letters/expression.h"
 
 namespace candela::edits {
@@ -130,38 +128,22 @@ Result<Selection> Selection::compile(const EditList& list, const Edit& edit,
 }
 
 Result<void> check_by_path(const EditList& list, std::span<const Selection> selections,
-                           std::span<const letters::ObjectNames> objects, std::span<const std::uint8_t> uses,
-                           std::string_view integrator, bool layers) {
-  const auto found = std::find_if(selections.begin(), selections.end(),
-                                  [](const Selection& selection) { return selection.by_path(); });
-  if (found == selections.end()) return {};
-  const Edit& edit = list.edits[static_cast<std::size_t>(found - selections.begin())];
-  const bool of_light = edit.direction == Edit::Direction::light;
-  constexpr std::array<std::string_view, 5> able = {"path", "light", "bdpt", "pssmlt", "mmlt"};
-  if (std::find(able.begin(), able.end(), tools::paths_of(integrator)) == able.end()) {
-    const bool media = std::any_of(uses.begin(), uses.end(),
-                                   [](std::uint8_t use) { return (use & letters::kMediumObject) != 0; });
-    const std::string_view walk = media ? "[XV]*" : "X*";
-    return refusal(edit,
-                   fmt::format(
-                       "depends on more of the path than the edited vertex, and photons of the integrator "
-                       "'{}' keep no states of an expression",
-                       integrator),
-                   of_light ? fmt::format("use one of {}, or select from the vertex alone: L{}S{{mirror}}",
-                                          fmt::join(able, ", "), walk)
-                            : fmt::format("use one of {}, or select from the vertex alone: X{{wall}}{}E",
-                                          fmt::join(able, ", "), walk))
-        .with_field("edits");
-  }
-  if (layers)
-    return refusal(edit,
-                   "depends on more of the path than the edited vertex, and such edits are not tested with "
-                   "layers of expressions",
-                   "render layers and this edit in two jobs")
-        .with_field("edits");
+                           std::span<const letters::ObjectNames> objects,
+                           std::span<const std::uint8_t> uses) {
+  if (std::none_of(selections.begin(), selections.end(),
+                   [](const Selection& selection) { return selection.by_path(); }))
+    return {};
   for (const Edit::Direction direction : {Edit::Direction::light, Edit::Direction::eye})
     CANDELA_TRY(PathStates::compile(list, direction, objects, uses));
   return {};
+}
+
+Error not_in_tools() {
+  return usage_error(
+             "an edit depends on more of the path than the edited vertex, and the tools of inspect keep no "
+             "states of an expression")
+      .with_field("edits")
+      .with_mend("select from the vertex alone, such as LX*S{mirror} or X{wall}X*E, or render the image");
 }
 
 }  // namespace candela::edits

@@ -45,10 +45,11 @@ class Selection {
   bool by_path_ = false;
 };
 
-// Fails (input) if an edit selects by more of the path than its vertex, and the integrator cannot render
-// that; selections are those of the list's edits. layers: the job has layers by expressions.
+// Fails (input) if edits that select by more of the path than the vertex tell too many paths apart;
+// selections are those of the list's edits.
 Result<void> check_by_path(const EditList& list, std::span<const Selection> selections,
-                           std::span<const letters::ObjectNames> objects, std::span<const std::uint8_t> uses,
-                           std::string_view integrator, bool layers);
+                           std::span<const letters::ObjectNames> objects, std::span<const std::uint8_t> uses);
+// The error (usage) of tools that look into the light of a scene, if it has such edits.
+Error not_in_tools();
 
 }  // namespace candela::edits

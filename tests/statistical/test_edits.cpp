@@ -405,18 +405,20 @@ const std::vector<LobeCase>& path_cases() {
 class EditedByPath : public testing::TestWithParam<LobeCase> {};
 
 // Claim: of a selection by the path, too, walks from the eye and from the light make one image, each of which
-// knows the verdict of edits of its own direction alone; and both together, and chains, do.
+// knows the verdict of edits of its own direction alone; and both together, photons, and chains, do.
 TEST_P(EditedByPath, IsTheSameFromBothEnds) {
   const LobeCase& c = GetParam();
   const Regions regions(kSize, kSize, kBlock);
   TestScene scene = scene_from_xml(lamp_scene(c.shapes), kSize, kSize);
   scene.from_scene["max_depth"] = "5";
   const Estimator reference = cached(estimator_of("light", scene, c.edits, regions, 8));
-  std::vector<std::string> integrators = {"path", "bdpt"};
-  if (long_form()) integrators.insert(integrators.end(), {"pssmlt", "mmlt"});
-  for (const std::string& integrator : integrators)
-    expect_equal(estimator_of(integrator, scene, c.edits, regions, 9), reference, regions, 0,
-                 integrator == "bdpt" ? 0.12 : std::max(0.2, c.detectable));
+  std::vector<std::string> integrators = {"path", "bdpt", "vcm"};
+  if (long_form()) integrators.insert(integrators.end(), {"ppm", "bpm", "pssmlt", "mmlt"});
+  for (const std::string& integrator : integrators) {
+    const double margin = way_of(integrator).margin;
+    expect_equal(estimator_of(integrator, scene, c.edits, regions, 9), reference, regions, margin,
+                 margin + (integrator == "bdpt" || integrator == "vcm" ? 0.12 : std::max(0.2, c.detectable)));
+  }
 }
 
 // Claim: edits of light that came by the floor first change the paths that did, and no others: of paths of

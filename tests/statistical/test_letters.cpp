@@ -1,11 +1,12 @@
 // Layers by light path expressions, in every integrator that has them: they add up to the image to the last
 // bit, and each is the light of its paths. Tests of the second kind compare with other scenes, in which those
 // paths are all that is left: with one lamp, with short paths, without a lobe. Each comparison alarms falsely
-// with probability at most 1e-5 (block_tests.h); there are fewer than 60 of them: the file alarms falsely
+// with probability at most 1e-5 (block_tests.h); there are fewer than 70 of them: the file alarms falsely
 // with probability below 6e-4.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <utility>
 #include <vector>
 
 #include "common/letters/request.h"
@@ -20,7 +21,7 @@ namespace candela::statistical {
 namespace {
 
 // Films decide these tests: proofs.h.
-const proofs::FilmsDecide kFilms({"LayersOf"});
+const proofs::FilmsDecide kFilms({"LayersOf", "EditedLayersOf"});
 
 // Two lamps and a sky; glass, a rough conductor, a mask, and a floor of two lobes of different colors.
 std::string scene_text(const std::string& lamps, const std::string& floor) {
@@ -147,6 +148,30 @@ TEST_P(Layers, AddUpToTheImageInFog) {
   layers_add_up(with_integrator(scene, GetParam(), small_job(GetParam())));
 }
 
+// Edits that select by more of the path than the vertex: walks carry weights of states, some of which are 0
+// at the floor, whose letter is drawn by the lobes' shares all the same.
+const std::string kEditsByPath = R"({"edits": [
+    {"name": "a", "direction": "light", "select": "LX*X{floor}X{NAME}", "rotate": {"axis": [0.2, 1, 0.3], "degrees": 25},
+     "tint": [1, 0.3, 0.6]},
+    {"name": "b", "direction": "eye", "select": "X{NAME}X{floor}X*E", "rotate": {"axis": [1, 0.2, 0], "degrees": 20}}]})";
+std::string edits_at(const std::string& name) {
+  std::string text = kEditsByPath;
+  for (auto at = text.find("NAME"); at != std::string::npos; at = text.find("NAME"))
+    text.replace(at, 4, name);
+  return text;
+}
+
+class EditedLayers : public testing::TestWithParam<std::string> {};
+
+TEST_P(EditedLayers, AddUpToTheImage) {
+  TestScene scene = scene_of(kCeiling + kSpot + kSky, kTwoLobes, 29, 17);
+  scene.settings.edits = edits_at("box");
+  layers_add_up(with_integrator(scene, GetParam(), small_job(GetParam())));
+}
+INSTANTIATE_TEST_SUITE_P(, EditedLayers,
+                         testing::Values("path", "light", "bdpt", "ppm", "bpm", "vcm", "pssmlt", "mmlt"),
+                         [](const auto& one) { return one.param; });
+
 std::vector<std::string> layered_integrators() {
   std::vector<std::string> names;
   for (const test::IntegratorRow& row : test::integrators())
@@ -237,6 +262,33 @@ TEST(LayersOf, BpmAreTheLightOfTheirPaths) {
 }
 TEST(LayersOf, PpmAreTheLightOfTheirPaths) {
   expect_the_light_of_its_paths("ppm", {.margin = 0.08}, {{"radius", "0.03"}});
+}
+
+// Claim: beside edits that select by more of the path than the vertex, too, a layer is the same light from
+// both ends, told by the letter of a surface of two lobes next to the edited one.
+TEST(EditedLayersOf, AllAreTheLightOfTheirPaths) {
+  constexpr std::uint32_t kWidth = 24, kHeight = 16;
+  const Regions regions(kWidth, kHeight, 8);
+  for (const char* expression : {"L[DGSV]*G{floor}X{ball}E", "LX{ball}G{floor}[DGSV]*E"}) {
+    const auto layer_by = [&](const std::string& integrator, const SettingsMap& settings,
+                              std::uint64_t seed) {
+      TestScene scene = with_integrator(scene_from_xml(room_text(kPanel + kBulb, kTwoLobes), kWidth, kHeight),
+                                        integrator, settings);
+      scene.settings.edits = edits_at("ball");
+      scene.settings.layers = text_of({{"a", expression}});
+      return make_estimator(integrator, {{1, scene}},
+                            {.seed = seed, .batches = 12, .iterations = 24, .layer = 1}, regions);
+    };
+    const Estimator reference = layer_by("bdpt", {}, 21);
+    for (const auto& [integrator, margin] :
+         {std::pair{"path", 0.0}, std::pair{"light", 0.0}, std::pair{"vcm", 0.03}}) {
+      const SettingsMap settings = margin > 0 ? SettingsMap{{"radius", "0.05"}} : SettingsMap{};
+      const Verdict verdict =
+          compare(layer_by(integrator, settings, 22), reference, regions, {.margin = margin});
+      EXPECT_TRUE(verdict.agree) << verdict.report;
+      EXPECT_LT(verdict.detectable_whole, 0.6) << verdict.report;
+    }
+  }
 }
 
 }  // namespace

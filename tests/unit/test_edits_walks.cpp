@@ -7,6 +7,7 @@
 #include "common/rng/stream.h"
 #include "edits_fixture.h"
 #include "worker/scene/bsdfs/path_edited.h"
+#include "worker/transport/technique/merge_edits.h"
 
 namespace candela::scene {
 namespace {
@@ -289,6 +290,67 @@ TEST(EditedWalks, DrawDeltaLobesForAllEnds) {
         EXPECT_GT(mean[2][0], 0.1);
       }
     }
+}
+
+// Claim: a photon merges with the eye's vertex at its place as its light path would be connected to the eye
+// from there: its light takes the share of the eye's state behind the vertex, and the vertex scatters by the
+// state of the lamp's end before it.
+TEST(EditedWalks, MergeAsTheyConnect) {
+  const Walks w(kDiffuse, kMove, kGather, false);
+  const Vec3 down{0, 0, 1}, wi = normalize(Vec3{0.3f, 0, 1});
+  const auto floor = make({"", kDiffuse, kTurn});
+  floor->hit.shape = 1;
+  ClosureArena arena;
+  Closure plain;
+  floor->bsdfs[0].prepare(floor->hit, down, arena, plain);
+  transport::ScatterPoint v;
+  v.kind = transport::VertexKind::surface;
+  // Light that leaves the panel, and is merged at the floor: the eye's edit acts, as it sees the panel by the
+  // floor.
+  rng::Stream stream(rng::key(21));
+  const LastAtFloor connected(true);
+  int told = 0;
+  for (int i = 0; i < 400; ++i) {
+    AtPanel at(w, true, true, directions_from()[0]);
+    BsdfSample s;
+    if (!at.closure.sample(directions_from()[0], stream.next_float(),
+                           {stream.next_float(), stream.next_float()}, kImportance, s))
+      continue;
+    EditedWalk light(at.walk), eye(*w.all, true);
+    static_cast<void>(light.surface(floor->hit, plain));
+    eye.begin_at_eye();
+    static_cast<void>(eye.surface(floor->hit, plain));
+    EditedArrivals kept;
+    kept.keep(light);
+    transport::MergeEdits merge(kept, kept);
+    merge.start(eye);
+    merge.meet(v, 0);
+    EXPECT_NEAR(merge.share(down, wi).r, connected.share(at.walk), 1e-6f);
+    told += kept.shares(0)[0] != kept.shares(0)[1];
+  }
+  EXPECT_GT(told, 50);
+  // Light that is merged at the panel: the edit of light acts if it came by the floor.
+  const Vec3 o = directions_from()[0];
+  int compared = 0;
+  for (int i = 0; i < 200; ++i) {
+    const Vec3 l = test::uniform_direction(stream);
+    for (const bool lit : {false, true}) {
+      AtPanel light(w, true, lit, l), eye(w, false, false, o), known(w, false, false, o);
+      EditedArrivals kept;
+      kept.keep(light.walk);
+      transport::MergeEdits merge(kept, kept);
+      merge.start(eye.walk);
+      merge.meet(v, 0);
+      meet(known, w, false, lit);
+      float pdf = 0, as_connected = 0;
+      const Spectrum value = eye.closure.eval_pdf(o, l, kRadiance, pdf) * merge.share(o, l);
+      const Spectrum wanted = known.closure.eval_pdf(o, l, kRadiance, as_connected);
+      EXPECT_EQ(value.g, wanted.g) << lit;
+      EXPECT_EQ(pdf, as_connected);
+      compared += wanted.g > 0;
+    }
+  }
+  EXPECT_GT(compared, 100);
 }
 
 }  // namespace

@@ -9,9 +9,11 @@
 #include <vector>
 
 #include "worker/estimators/bidirectional.h"
+#include "worker/scene/bsdfs/edited_arrivals.h"
 #include "worker/scene/bsdfs/path_edited.h"
 #include "worker/scene/emitters/lights.h"
 #include "worker/scene/objects.h"
+#include "worker/transport/technique/contribution.h"
 
 namespace candela::estimators {
 
@@ -33,6 +35,13 @@ struct EditedSubpaths<true> {
   // The walk is at v, the i-th vertex of its subpath.
   void light_vertex(std::uint32_t i, transport::ScatterPoint& v) { light_.arrive(i, v); }
   void eye_vertex(std::uint32_t i, transport::ScatterPoint& v) { eye_.arrive(i, v); }
+  // The i-th vertex of a light path that was kept, with what its walk knew: number `kept` of the list.
+  void kept_light_vertex(std::uint32_t i, const scene::EditedArrivals& arrivals, std::size_t kept,
+                         transport::ScatterPoint& v) {
+    light_.begin().arrive_from_light(arrivals.state(kept), arrivals.shares(kept));
+    light_.arrive(i, v);
+  }
+  scene::EditedWalk& eye_walk(std::uint32_t i) { return *eye_.walks[i]; }
   void leave_light(std::uint32_t i, const transport::ScatterPoint& v) { light_.leave(i, v); }
   void leave_eye(std::uint32_t i, const transport::ScatterPoint& v) { eye_.leave(i, v); }
 

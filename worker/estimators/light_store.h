@@ -24,7 +24,8 @@ struct LightKeeping {
 };
 
 // For light paths that leave nothing but splats. Stores may observe walks (segments.h); crossed() comes after
-// each of their steps.
+// each of their steps. A store with `static constexpr bool kEdits = true` makes the walks of LightTracing
+// those of a scene with edits that select by more of the path than the vertex (edited_light_store.h).
 struct NoStore {
   using Observer = transport::NoObserver;
   static Observer observer() { return {}; }
@@ -75,12 +76,12 @@ struct LightStore {
   }
 };
 
-// The vertices of light path `path` with fewer than `below` edges.
-template <class Block>
+// The vertices of light path `path` with fewer than `below` edges. arrive: as LightVertexBuffer::load().
+template <class Block, class Arrive = transport::NothingOnArrival>
 void load_light_path(const std::vector<LightStore<Block>>& chunks, const scene::Scene& scene,
                      std::uint64_t path, std::uint32_t below, transport::Subpath<Block>& out,
-                     std::vector<transport::ChannelStates>* states = nullptr) {
-  chunks[path / kLightChunk].vertices.load(scene, path % kLightChunk, below, out, states);
+                     std::vector<transport::ChannelStates>* states = nullptr, const Arrive& arrive = {}) {
+  chunks[path / kLightChunk].vertices.load(scene, path % kLightChunk, below, out, states, arrive);
 }
 
 }  // namespace candela::estimators

@@ -4,9 +4,12 @@
 
 #include <cstdint>
 #include <optional>
+#include <type_traits>
 
 #include "worker/estimators/light_store.h"
 #include "worker/estimators/options.h"
+#include "worker/scene/bsdfs/path_edited.h"
+#include "worker/scene/objects.h"
 #include "worker/transport/letters/layer_sums.h"
 #include "worker/transport/light_path.h"
 #include "worker/transport/splat.h"
@@ -15,9 +18,20 @@
 
 namespace candela::estimators {
 
+struct NoLightEdits {
+  explicit NoLightEdits(const scene::Scene& /*scene*/) {}
+};
+// The walk of a scene with edits that select by more of the path than the vertex.
+template <class Store>
+struct LightEdits : scene::EditedWalk {
+  explicit LightEdits(const scene::Scene& scene)
+      : scene::EditedWalk(*scene.objects().path_edits, Store::kKeeps) {}
+};
+
 template <transport::Between kBetween, class Mis, class Store, transport::EtaField Eta>
 class LightTracing {
  public:
+  static constexpr bool kEdits = requires { requires std::remove_cv_t<Store>::kEdits; };
   using LightWalk = transport::Walk<transport::TransportMode::importance, kBetween, Mis, samplers::Sampler,
                                     typename Store::Observer>;
   using Vertex = typename LightWalk::Vertex;
@@ -38,7 +52,8 @@ class LightTracing {
         splatter_(splatter),
         store_(store),
         tallies_(tallies),
-        image_layer_(image_layer) {
+        image_layer_(image_layer),
+        edits_(scene) {
     if (transport::reads_letters<kBetween>(letters)) letters_.emplace(*letters);
   }
 
@@ -52,32 +67,47 @@ class LightTracing {
 
   // The techniques: see light_path.h.
   void started(const LightWalk& walk) {
+    if constexpr (kEdits) edits_.begin_at_lamp(walk.origin().vertex.emitter);
     if (reads_letters()) letters_->begin(walk.origin(), walk.sample_key());
   }
   void met_lens(const LightWalk& walk, std::uint64_t key) {
     transport::FilmPosition film;
     const transport::Contribution found = transport::hit_lens(context_, walk, eta_, film);
     if (!(found.weight > 0)) return;
-    const Spectrum value = found.weighted() * each_;
+    Spectrum value = found.weighted() * each_;
+    if constexpr (kEdits) value *= edits_.share_at_eye();
     if (reads_letters())
       splatter_.splat_labelled(letters_->letters(), letters_->met_lens(), film, value, rng::combine(key, 2),
                                tallies_);
     else
       splatter_.splat(0, film, value, rng::combine(key, 2), tallies_);
   }
-  bool vertex(const LightWalk& walk, const Vertex& v, std::uint64_t key) {
+  bool vertex(const LightWalk& walk, std::conditional_t<kEdits, Vertex, const Vertex>& v, std::uint64_t key) {
     crossed(walk);
+    if constexpr (kEdits) {
+      if (v.on_surface())
+        v.closure = edits_.surface(v.hit, v.closure);
+      else
+        edits_.medium(v.medium, v.hit.p);
+    }
     if (!v.connectible) return true;
     // The lens has one edge to come, and a connection to the eye's first vertex two.
-    store_.keep(scene_, v, v.edges >= rules_.max_edges, by_specular_, tallies_,
-                reads_letters() ? &letters_->states() : nullptr);
+    const bool last = v.edges >= rules_.max_edges;
+    const transport::ChannelStates* const states = reads_letters() ? &letters_->states() : nullptr;
+    if constexpr (kEdits)
+      store_.keep(scene_, v, last, by_specular_, tallies_, states, edits_);
+    else
+      store_.keep(scene_, v, last, by_specular_, tallies_, states);
     transport::FilmPosition film;
     transport::Contribution found;
     transport::Towards towards;
     if (light_image_ &&
         transport::connect_lens<kBetween, Mis>(context_, walk.draws(), v, eta_, film, found, nullptr,
                                                reads_letters() ? &towards : nullptr)) {
-      const Spectrum value = found.weighted() * each_;
+      Spectrum value = found.weighted() * each_;
+      if constexpr (kEdits) {
+        if (!v.on_surface()) value *= edits_.medium_share();
+      }
       const bool kept =
           reads_letters() ? splatter_.splat_labelled(letters_->letters(), letters_->connected(v, towards.wi),
                                                      film, value, rng::combine(key, 3), tallies_)
@@ -90,6 +120,9 @@ class LightTracing {
   bool scattered(const LightWalk& walk, const Vertex& v) {
     by_specular_ = v.left_by_delta;
     if (reads_letters()) letters_->scattered(v, walk.direction());
+    if constexpr (kEdits) {
+      if (!v.on_surface()) edits_.leave_medium();
+    }
     return true;
   }
 
@@ -113,6 +146,7 @@ class LightTracing {
   bool by_specular_ = false;
   const std::uint32_t image_layer_;
   std::optional<transport::LightLetters> letters_;
+  [[no_unique_address]] std::conditional_t<kEdits, LightEdits<Store>, NoLightEdits> edits_;
 };
 
 }  // namespace candela::estimators

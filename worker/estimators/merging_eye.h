@@ -9,6 +9,7 @@
 #include <limits>
 #include <optional>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 #include "worker/estimators/light_store.h"
@@ -23,6 +24,8 @@
 
 namespace candela::estimators {
 
+struct EditedLight;  // edited_light_store.h
+
 // The light side of an iteration, as eye paths see it.
 template <class Block, transport::ScaleField Field>
 struct LightSide {
@@ -31,7 +34,28 @@ struct LightSide {
   std::uint64_t path_count;
   Field field;
   const transport::PathLetters* letters = nullptr;  // null: nobody asks
+  const EditedLight* edits = nullptr;               // for estimators with edits
 };
+
+// With edits that select by more of the path than the vertex (edited_subpaths.h). The eye's vertices take two
+// places in turn there, as in a VertexPair: merges at a vertex end after the walk has left it.
+template <bool kEdits>
+struct EditedSubpaths;
+struct NoSubpathEdits {
+  explicit NoSubpathEdits(const scene::Scene& /*scene*/) {}
+};
+template <bool kEdits>
+using SubpathEdits = std::conditional_t<kEdits, EditedSubpaths<kEdits>, NoSubpathEdits>;
+template <bool kEdits>
+using MergeEdits = std::conditional_t<kEdits, transport::MergeEdits, transport::NoMergeEdits>;
+// Those of a side's photons.
+template <bool kEdits, class Side>
+MergeEdits<kEdits> merge_edits([[maybe_unused]] const Side& side) {
+  if constexpr (kEdits)
+    return {side.edits->surface, side.edits->medium};
+  else
+    return {};
+}
 
 // Merges of beams, as VcmEye asks for them.
 struct NoBeams {
@@ -48,11 +72,13 @@ struct NoBeams {
 
 // vcm and bpm: every vertex meets light by itself (s = 0), by next event estimation (s = 1), by connection to
 // the vertices of one light path, and by merging with the photons of all; all weighted against each other.
-// Beams: NoBeams, or what merges with beams and in media (integrators/upbp).
+// Beams: NoBeams, or what merges with beams and in media (integrators/upbp). kEditsT: with edits that select
+// by more of the path than the vertex (edited_subpaths.h); its side has theirs.
 template <transport::Between kBetween, class MisT, transport::ScaleField Field,
-          class StatisticsT = transport::NoStatistics, class Beams = NoBeams>
+          class StatisticsT = transport::NoStatistics, class Beams = NoBeams, bool kEditsT = false>
 class VcmEye : public transport::EyeTechniques {
  public:
+  static constexpr bool kEdits = kEditsT;
   using Mis = MisT;
   using Block = typename Mis::Block;
   using Statistics = StatisticsT;
@@ -71,8 +97,9 @@ class VcmEye : public transport::EyeTechniques {
         side_(side),
         tallies_(tallies),
         letters_(transport::eye_letters<kBetween>(side.letters)),
-        gather_(scene, side.maps, statistics, letters_ ? &*letters_ : nullptr),
-        beams_(scene, options, side, letters_ ? &*letters_ : nullptr) {}
+        gather_(scene, side.maps, statistics, letters_ ? &*letters_ : nullptr, merge_edits<kEdits>(side)),
+        beams_(scene, options, side, letters_ ? &*letters_ : nullptr),
+        edits_(scene) {}
 
   // The ray goes through this place on the film; light_path is that to connect to.
   Spectrum trace(const Ray& ray, transport::FilmPosition at, std::uint64_t light_path,
@@ -87,6 +114,7 @@ class VcmEye : public transport::EyeTechniques {
     light_path_ = light_path;
     loaded_ = false;
     if (reads_letters()) letters_->begin(sampler.sample_key(), ray);
+    if constexpr (kEdits) edits_.begin_eye();
     EyeWalk walk(scene_, rules_, factors_, sampler, tallies_, beams_.observer());
     transport::follow_eye_path(walk, ray, room_, *this);
     crossed(walk);
@@ -111,24 +139,25 @@ class VcmEye : public transport::EyeTechniques {
     transport::Contribution found;
     if (techniques_.hit_light && v.edges >= options_.min_edges &&
         transport::hit_light<Mis>(context_, v, left, before, eta_, found)) {
+      if constexpr (kEdits) found.value *= edits_.share_at_light(v, left);
       sum_ += found.weighted();
       if (reads_letters()) letters_->met(sum_, v, left);
     }
   }
-  bool vertex(const EyeWalk& walk, const Vertex& v) {
+  bool vertex(const EyeWalk& walk, std::conditional_t<kEdits, Vertex, const Vertex>& v) {
+    if constexpr (kEdits) edits_.eye_vertex(place_ ^= 1, v);
     if (v.connectible) prefetch(v);
     transport::Contribution found;
     transport::Towards towards;
     if (v.connectible && v.edges < options_.max_depth) {
-      if (techniques_.next_event &&
-          transport::next_event<kBetween, Mis>(context_, walk.draws(), v, eta_, found, nullptr,
-                                               reads_letters() ? &towards : nullptr)) {
+      if (techniques_.next_event && light_directly(walk, v, found, towards)) {
         add_connected(found.weighted());
         if (reads_letters()) letters_->lit(sum_, v, towards);
       }
       if (techniques_.connect && v.edges + 2 <= options_.max_depth) connect_all(walk, v);
     }
     merge();
+    if constexpr (kEdits) gather_.edits().start(edits_.eye_walk(place_));
     if (v.connectible) start(v);
     if constexpr (Statistics::kCollects)
       if (v.connectible && counts_repeats_) transport::count_repeats(side_.maps, *scale_, v, tallies_);
@@ -136,6 +165,7 @@ class VcmEye : public transport::EyeTechniques {
   }
   bool scattered(const EyeWalk& walk, const Vertex& v) {
     if (reads_letters()) letters_->scattered(v, walk.direction());
+    if constexpr (kEdits) edits_.leave_eye(place_, v);
     return true;
   }
   void passed() { merge(); }  // the next vertex takes this one's place
@@ -167,18 +197,44 @@ class VcmEye : public transport::EyeTechniques {
   void crossed([[maybe_unused]] const EyeWalk& walk) {
     if constexpr (Beams::kMerges) merged_ += beams_.merge_along(walk, sum_);
   }
-  void connect_all(const EyeWalk& walk, const Vertex& v) {
-    if (!loaded_)  // the first vertex that connects asks for the longest light paths
-      load_light_path(side_.chunks, scene_, light_path_, options_.max_depth - v.edges, light_,
-                      reads_letters() ? &light_states_ : nullptr);
+  bool light_directly(const EyeWalk& walk, const Vertex& v, transport::Contribution& found,
+                      transport::Towards& towards) {
+    if constexpr (kEdits) {
+      const auto next_event = [&] {
+        return transport::next_event<kBetween, Mis>(context_, walk.draws(), v, eta_, found, nullptr,
+                                                    &towards);
+      };
+      return edits_.light_directly(place_, v, next_event, found, towards);
+    } else {
+      return transport::next_event<kBetween, Mis>(context_, walk.draws(), v, eta_, found, nullptr,
+                                                  reads_letters() ? &towards : nullptr);
+    }
+  }
+  // The first vertex that connects asks for the longest light paths.
+  void load(const Vertex& v) {
     loaded_ = true;
+    const std::uint32_t below = options_.max_depth - v.edges;
+    auto* const states = reads_letters() ? &light_states_ : nullptr;
+    if constexpr (kEdits)
+      load_light_path(side_.chunks, scene_, light_path_, below, light_, states,
+                      [&](std::uint32_t i, std::uint32_t kept, transport::ScatterPoint& z) {
+                        edits_.kept_light_vertex(i, side_.edits->chunks[light_path_ / kLightChunk].vertices,
+                                                 kept, z);
+                      });
+    else
+      load_light_path(side_.chunks, scene_, light_path_, below, light_, states);
+  }
+  void connect_all(const EyeWalk& walk, const Vertex& v) {
+    if (!loaded_) load(v);
     const std::uint64_t passage = transport::passage_key<kBetween>(walk.draws());
     transport::Contribution found;
     for (std::uint32_t i = 0; i < light_.size(); ++i) {
       const Vertex& z = light_[i];
       if (z.edges + v.edges + 1 > options_.max_depth) break;
+      if constexpr (kEdits) edits_.join(i, z, place_, v);
       if (!transport::connect<kBetween, Mis>(context_, z, v, rng::combine(passage, i + 1), eta_, found))
         continue;
+      if constexpr (kEdits) found.value *= edits_.light_share(i, z) * edits_.eye_share(place_, v);
       add_connected(found.weighted());
       if (reads_letters()) letters_->connected(sum_, v, z, light_states_[i]);
     }
@@ -196,14 +252,17 @@ class VcmEye : public transport::EyeTechniques {
   transport::Subpath<Block> light_;
   std::optional<transport::EyeLetters> letters_;
   std::vector<transport::ChannelStates> light_states_;  // of light_
-  transport::Gather<Mis, Statistics, Block, kBetween == transport::Between::media> gather_;
+  transport::Gather<Mis, Statistics, Block, kBetween == transport::Between::media, MergeEdits<kEdits>>
+      gather_;
   [[no_unique_address]] Beams beams_;
+  [[no_unique_address]] SubpathEdits<kEdits> edits_;
   // The path under way.
   transport::MergeFactors eta_;
   const transport::MergeScale* scale_ = nullptr;
   Spectrum sum_, merged_, connected_, merged_on_surfaces_;
   std::uint64_t light_path_ = 0;
   bool loaded_ = false, counts_repeats_ = false;
+  std::uint32_t place_ = 0;  // of the vertex at hand, for edits
 };
 
 // Decides which eye paths of ppm go on. sharp: directions of high density are the walk's.
@@ -223,9 +282,10 @@ struct PpmWalk {
 // the walk ends there. Each path is found in one way, since the density is a function of the vertex and both
 // directions.
 template <transport::Between kBetween, transport::ScaleField Field,
-          class StatisticsT = transport::NoStatistics>
+          class StatisticsT = transport::NoStatistics, bool kEditsT = false>
 class PpmEye : public transport::EyeTechniques {
  public:
+  static constexpr bool kEdits = kEditsT;
   using Mis = transport::Unweighted;
   using Block = typename Mis::Block;
   using Statistics = StatisticsT;
@@ -243,7 +303,8 @@ class PpmEye : public transport::EyeTechniques {
         tallies_(tallies),
         walk_{std::isfinite(side.maps.max_density)},
         letters_(transport::eye_letters<kBetween>(side.letters)),
-        gather_(scene, side.maps, statistics, letters_ ? &*letters_ : nullptr) {}
+        gather_(scene, side.maps, statistics, letters_ ? &*letters_ : nullptr, merge_edits<kEdits>(side)),
+        edits_(scene) {}
 
   // MergeMaps::max_density in the scene: kSharpDensity, or infinity if no density is higher.
   static float max_density(const scene::Scene& scene) {
@@ -270,6 +331,7 @@ class PpmEye : public transport::EyeTechniques {
     counts_repeats_ = Statistics::kCollects && transport::counts_repeats(sampler.sample_key());
     sum_ = merged_ = {};
     if (reads_letters()) letters_->begin(sampler.sample_key(), ray);
+    if constexpr (kEdits) edits_.begin_eye();
     EyeWalk walk(scene_, rules_, factors_, sampler, tallies_);
     transport::follow_eye_path(walk, ray, room_, *this);
     return sum_;
@@ -285,11 +347,16 @@ class PpmEye : public transport::EyeTechniques {
     transport::Contribution found;
     if (techniques_.hit_light && v.edges >= options_.min_edges &&
         transport::hit_light<Mis>(context_, v, left, nullptr, {}, found)) {
+      if constexpr (kEdits) found.value *= edits_.share_at_light(v, left);
       sum_ += found.value;
       if (reads_letters()) letters_->met(sum_, v, left);
     }
   }
-  bool vertex(const EyeWalk& /*walk*/, const Vertex& v) {
+  bool vertex(const EyeWalk& /*walk*/, std::conditional_t<kEdits, Vertex, const Vertex>& v) {
+    if constexpr (kEdits) {
+      edits_.eye_vertex(place_ ^= 1, v);
+      gather_.edits().start(edits_.eye_walk(place_));
+    }
     if (!v.connectible) return true;
     gather_.start(v);
     if constexpr (Statistics::kCollects)
@@ -299,6 +366,7 @@ class PpmEye : public transport::EyeTechniques {
   }
   bool scattered(const EyeWalk& walk, const Vertex& v) {
     if (reads_letters()) letters_->scattered(v, walk.direction());
+    if constexpr (kEdits) edits_.leave_eye(place_, v);
     return walk_.follows(v);
   }
 
@@ -316,10 +384,13 @@ class PpmEye : public transport::EyeTechniques {
   const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
   transport::VertexPair<Block> room_;
   std::optional<transport::EyeLetters> letters_;
-  transport::Gather<Mis, Statistics, Block, kBetween == transport::Between::media> gather_;
+  transport::Gather<Mis, Statistics, Block, kBetween == transport::Between::media, MergeEdits<kEdits>>
+      gather_;
+  [[no_unique_address]] SubpathEdits<kEdits> edits_;
   // The path under way.
   const transport::MergeScale* scale_ = nullptr;
   bool counts_repeats_ = false;
+  std::uint32_t place_ = 0;  // of the vertex at hand, for edits
   Spectrum sum_, merged_;
 };
 

@@ -8,10 +8,15 @@ template <class SamplerT>
 Spectrum path_radiance_with_edits(const scene::Scene& scene, const PathOptions& options,
                                   const Techniques& techniques, const Ray& ray, SamplerT& sampler,
                                   film::Tallies& tallies, const scene::LightGroups* /*groups*/,
-                                  transport::EyeLetters* /*letters*/) {
+                                  transport::EyeLetters* letters) {
   scene::EditedWalk walk(*scene.objects().path_edits);
   walk.begin_at_eye();
-  return PathTracer<transport::Between::media, scene::Scene, SamplerT, NoFirstVertex, false, false, true>(
+  constexpr transport::Between kBetween = transport::Between::media;
+  if (letters != nullptr)
+    return PathTracer<kBetween, scene::Scene, SamplerT, NoFirstVertex, true, false, true>(
+               scene, options, techniques, sampler, tallies, nullptr, nullptr, letters, &walk)
+        .radiance(ray);
+  return PathTracer<kBetween, scene::Scene, SamplerT, NoFirstVertex, false, false, true>(
              scene, options, techniques, sampler, tallies, nullptr, nullptr, nullptr, &walk)
       .radiance(ray);
 }

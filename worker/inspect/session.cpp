@@ -9,6 +9,7 @@
 #include "common/description/reading_budget.h"
 #include "common/description/unpacked_files.h"
 #include "common/edits/edits.h"
+#include "common/edits/selection.h"
 #include "worker/scene/edits/edit_request.h"
 #include "worker/scene/objects.h"
 #include "worker/transport/letters/vertex_letter.h"
@@ -74,12 +75,7 @@ Result<std::unique_ptr<Session>> Session::open(const description::FileSource& fi
   options.edits = &edits;
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene,
                  scene::Scene::build(scene_file.description, unpacked, options));
-  if (scene->objects().path_edits != nullptr)
-    return usage_error(
-               "an edit depends on more of the path than the edited vertex, and the tools of inspect keep "
-               "no states of an expression")
-        .with_field("edits")
-        .with_mend("select from the vertex alone, such as LX*S{mirror} or X{wall}X*E, or render the image");
+  if (scene->objects().path_edits != nullptr) return edits::not_in_tools();
   // An expression may name what the scene left out, such as a black lamp.
   std::vector<letters::ObjectNames> names = scene->objects().names;
   std::vector<std::uint8_t> uses = scene->objects().uses;

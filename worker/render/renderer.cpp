@@ -13,6 +13,7 @@
 #include "common/description/reading_budget.h"
 #include "common/description/unpacked_files.h"
 #include "common/edits/edits.h"
+#include "common/edits/selection.h"
 #include "common/film/layers.h"
 #include "common/job/tools.h"
 #include "common/letters/automaton.h"
@@ -25,6 +26,7 @@
 #include "worker/integrators/film_scale.h"
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/parallel_tasks.h"
+#include "worker/scene/bsdfs/path_edited.h"
 #include "worker/scene/edits/edit_request.h"
 #include "worker/scene/objects.h"
 #include "worker/scene/scene.h"
@@ -104,6 +106,19 @@ Result<void> check_parts(const letters::LayerRequest& request, const WorkPlan& w
 
 // Adds to the integrator's work the layers of expressions: of chains one for the part of each that the chains
 // bring, then one for the rest (common/chains/chains.h).
+// Edits that select by more of the path than the vertex, in tools and beside layers.
+Result<void> check_path_edits(const scene::Scene& scene, const JobSettings& settings) {
+  const scene::PathEdits* const edits = scene.objects().path_edits.get();
+  if (edits == nullptr) return {};
+  if (tools::paths_of(settings.integrator) != settings.integrator) return edits::not_in_tools();
+  if (settings.layers.empty() || edits->mixed.empty()) return {};
+  return input_error(fmt::format("the surface {} scatters by D and G at once, and edits change it for some "
+                                 "paths only: its letter in layers is not known there",
+                                 edits->mixed))
+      .with_field("edits")
+      .with_mend("render layers and these edits in two jobs, or select from the vertex alone: LX*X{wall}");
+}
+
 WorkPlan with_layers(WorkPlan work, const letters::LayerRequest& request) {
   for (const letters::NamedExpression& layer : request.layers) work.layers.push_back(layer.name);
   if (work.chains)
@@ -333,8 +348,7 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   CANDELA_ASSIGN(edits.list, edits::parse_edits(settings.edits));
   CANDELA_TRY(edits::check_integrator(edits.list, settings.integrator,
                                       edits::max_depth_of(settings.integrator_settings)));
-  CANDELA_TRY(description::check_edits(edits.list, *description.scene, settings.integrator,
-                                       !settings.layers.empty()));
+  CANDELA_TRY(description::check_edits(edits.list, *description.scene));
   edits.names = described.names;
   edits.uses = described.uses;
   options.edits = &edits;
@@ -345,6 +359,7 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
       mattes || !settings.layers.empty() || settings.integrator == tools::kVolume;  // recorded paths
   work_phase(WorkPhase::building);
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, unpacked, options));
+  CANDELA_TRY(check_path_edits(*scene, settings));
   CANDELA_ASSIGN(letters::LayerRequest layers, layer_request(settings.layers, described));
   scene::SceneFeatures features = scene->features();
   features.reads_letters = !layers.empty();

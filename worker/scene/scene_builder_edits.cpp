@@ -173,21 +173,25 @@ Result<void> SceneBuilder::finish_edits(const EditRequest& request) {
   const std::uint32_t places = 1u << list.regions.size();
   std::vector<std::size_t> selected(list.edits.size());
   std::vector<bool> scatters(geometry_.shapes.size());
+  std::string mixed;
   for (std::uint32_t shape = 0; shape < geometry_.shapes.size(); ++shape) {
     const std::uint32_t bsdf = geometry_.shapes[shape].bsdf, object = objects_.of_shape[shape];
     const BsdfFacts facts = bsdfs_[bsdf].facts();
     scatters[shape] = !scatters_nothing(facts);
     if (!scatters[shape]) continue;
     const bool mixes = mixes_letters(bsdfs_[bsdf]);
+    bool varies = false;
     std::array<std::uint16_t, 2> all{};
     for (const edits::PathStates* states : {&of_light, &of_eye})
       for (std::uint32_t place = 0; place < places; ++place)
         for (const Side side : {Side::reflected, Side::transmitted})
           for (std::size_t q = 0; q < states->size(); ++q) {
             const auto state = static_cast<edits::PathStates::State>(q);
-            for (const Letter letter : {Letter::diffuse, Letter::glossy, Letter::specular})
-              all[states == &of_eye] |=
-                  states->selected(state, states->class_of(letter, side, object, place));
+            for (const Letter letter : {Letter::diffuse, Letter::glossy, Letter::specular}) {
+              const auto c = states->class_of(letter, side, object, place);
+              all[states == &of_eye] |= states->selected(state, c);
+              varies |= letter != Letter::specular && states->selected(state, c) != states->selected(0, c);
+            }
             if (mixes && states->next(state, states->class_of(Letter::diffuse, side, object, place)) !=
                              states->next(state, states->class_of(Letter::glossy, side, object, place)))
               return input_error(
@@ -197,6 +201,7 @@ Result<void> SceneBuilder::finish_edits(const EditRequest& request) {
                                      named(objects_.names[object])))
                   .with_mend("write X or [DG] for vertices before the edited one");
           }
+    if (mixes && varies && mixed.empty()) mixed = named(objects_.names[object]);
     const auto either = static_cast<unsigned>(all[0] | all[1]);
     if (either != 0 && facts.straight)
       return passes_straight(list.edits[static_cast<std::size_t>(std::countr_zero(either))],
@@ -216,8 +221,8 @@ Result<void> SceneBuilder::finish_edits(const EditRequest& request) {
   }
   for (std::size_t k = 0; k < selected.size(); ++k)
     features_.edits.push_back(note_of(list.edits[k], selected[k], geometry_.shapes.size(), true));
-  objects_.path_edits = std::make_shared<const PathEdits>(
-      PathEdits{std::move(of_light), std::move(of_eye), &edits_, &objects_, std::move(scatters)});
+  objects_.path_edits = std::make_shared<const PathEdits>(PathEdits{
+      std::move(of_light), std::move(of_eye), &edits_, &objects_, std::move(scatters), std::move(mixed)});
   return {};
 }
 

@@ -34,6 +34,10 @@ struct LightVertex {
   VertexKind kind;
 };
 
+struct NothingOnArrival {
+  void operator()(std::uint32_t /*i*/, std::uint32_t /*kept*/, ScatterPoint& /*v*/) const {}
+};
+
 // Vertices of one chunk of light paths, in their order.
 template <class Block>
 class LightVertexBuffer {
@@ -52,9 +56,11 @@ class LightVertexBuffer {
   void end_path() { ends_.push_back(static_cast<std::uint32_t>(vertices_.size())); }
 
   // The vertices of the chunk's path, those with fewer than `below` edges, ready to be connected. states:
-  // gets theirs, where they were kept.
+  // gets theirs, where they were kept. arrive(i, kept, v): v is the i-th that is loaded, number `kept` of the
+  // buffer, and has its closure.
+  template <class Arrive = NothingOnArrival>
   void load(const scene::Scene& scene, std::uint64_t path, std::uint32_t below, Subpath<Block>& out,
-            std::vector<ChannelStates>* states = nullptr) const {
+            std::vector<ChannelStates>* states = nullptr, const Arrive& arrive = {}) const {
     out.clear();
     if (states != nullptr) states->clear();
     for (std::uint32_t i = path == 0 ? 0 : ends_[path - 1]; i < ends_[path]; ++i) {
@@ -76,6 +82,7 @@ class LightVertexBuffer {
         slot.arena.clear();
         v.closure = scene.closure(v.hit, v.hit.shading.to_local(v.wo), slot.arena);
       }
+      arrive(out.size(), i, v);
       out.add();
       if (states != nullptr) states->push_back(states_[i]);
     }

@@ -121,6 +121,10 @@ class PhotonMap {
   const ChannelStates& states(const Photon<Block>& photon) const {
     return states_[static_cast<std::size_t>(&photon - photons_.data())];
   }
+  // Its number in the order of the buffers. Precondition: the buffers knew paths.
+  std::uint32_t number(const Photon<Block>& photon) const {
+    return search_.order()[static_cast<std::size_t>(&photon - photons_.data())];
+  }
   // Held between build and the next one.
   std::uint64_t bytes() const {
     return search_.bytes() + photons_.capacity() * sizeof(Photon<Block>) +

@@ -1,6 +1,6 @@
 #include "worker/integrators/light/light.h"
 
-#include "worker/estimators/edited_light.h"
+#include "worker/estimators/edited_light_store.h"
 #include "worker/estimators/eye_radiance.h"
 #include "worker/estimators/light_tracing.h"
 #include "worker/estimators/path_dispatch.h"
@@ -34,14 +34,17 @@ Result<void> run_light(const PathOptions& options, const Techniques& techniques,
   const estimators::PathCounts counts{static_cast<double>(paths), static_cast<double>(paths),
                                       static_cast<float>(context.filter.radius())};
   const transport::Splatter splatter(context.filter, film, context.width, context.height);
+  const transport::ConstantEta no_merging;
   if constexpr (kBetween == Between::media) {
-    if (const auto& edits = context.scene.objects().path_edits)
+    const estimators::EditedNoStore no_store;
+    if (context.scene.objects().path_edits != nullptr)
       return run_light_paths(context, unit, paths, film, run, [&](film::Tallies& tallies) {
-        return estimators::EditedLightTracing<Mis>(context.scene, *edits, options, techniques, counts,
-                                                   splatter, tallies);
+        return estimators::LightTracing<kBetween, Mis, const estimators::EditedNoStore,
+                                        transport::ConstantEta>(context.scene, options, techniques, counts,
+                                                                no_merging, splatter, no_store, tallies, 0,
+                                                                context.letters);
       });
   }
-  const transport::ConstantEta no_merging;
   const estimators::NoStore no_store;
   return run_light_paths(context, unit, paths, film, run, [&](film::Tallies& tallies) {
     return estimators::LightTracing<kBetween, Mis, const estimators::NoStore, transport::ConstantEta>(

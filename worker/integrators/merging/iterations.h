@@ -91,19 +91,27 @@ Result<void> run_iterations(const UnitContext& context, const Unit& unit, const 
   const std::uint64_t phases = 2 * (unit.end - unit.begin);
   LightChunks<Block> chunks;
   transport::PhotonMap<Block> surface, medium;
+  estimators::EditedLight edits;
   for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
     const std::uint64_t phase = 2 * (index - unit.begin);
     estimators::LightSide<Block, Field> side{
-        {}, chunks, path_count, scales.field(global_iteration(unit.half, index)), context.letters};
+        {}, chunks, path_count, scales.field(global_iteration(unit.half, index)), context.letters, &edits};
     transport::MergeMaps<Block>& maps = side.maps;
     maps.max_edges = options.paths.max_depth;
     maps.per_path = static_cast<float>(1 / paths);
     if constexpr (requires { EyeEstimator::max_density(context.scene); })
       maps.max_density = EyeEstimator::max_density(context.scene);
-    if (techniques.light_paths)
-      CANDELA_TRY((run_light_pass<kBetween, Mis>(context, options.paths, techniques, counts, keeping,
-                                                 transport::EtaOf<Field>{side.field}, unit.half, index,
-                                                 chunks, *output.film, run, progress_part(phase, phases))));
+    if (techniques.light_paths) {
+      const transport::EtaOf<Field> eta{side.field};
+      const ProgressSpan span = progress_part(phase, phases);
+      if constexpr (EyeEstimator::kEdits)
+        CANDELA_TRY(
+            (run_edited_light_pass<kBetween, Mis>(context, options.paths, techniques, counts, keeping, eta,
+                                                  unit.half, index, chunks, edits, *output.film, run, span)));
+      else
+        CANDELA_TRY((run_light_pass<kBetween, Mis>(context, options.paths, techniques, counts, keeping, eta,
+                                                   unit.half, index, chunks, *output.film, run, span)));
+    }
     const SearchRadii radii = scales.search_radii(side.field);
     if (techniques.merge_surface) {
       CANDELA_TRY(build_photon_map(chunks, &estimators::LightStore<Block>::surface, radii.disc, run.threads,

@@ -6,6 +6,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "worker/estimators/edited_light_store.h"
 #include "worker/estimators/light_tracing.h"
 #include "worker/integrators/light_paths.h"
 
@@ -58,6 +59,29 @@ Result<void> run_light_pass(const UnitContext& context, const estimators::PathOp
   };
   return trace_light_paths<kBetween, Mis>(context, options, techniques, counts, eta, half, index, store_of,
                                           film, run, span);
+}
+
+// The same with edits that select by more of the path than the vertex.
+template <transport::Between kBetween, class Mis, transport::EtaField Eta>
+Result<void> run_edited_light_pass(const UnitContext& context, const estimators::PathOptions& options,
+                                   const estimators::Techniques& techniques,
+                                   const estimators::PathCounts& counts, estimators::LightKeeping keeping,
+                                   const Eta& eta, std::uint32_t half, std::uint64_t index,
+                                   LightChunks<typename Mis::Block>& chunks, estimators::EditedLight& edits,
+                                   film::UnitFilm& film, const RunContext& run, ProgressSpan span) {
+  keeping.paths_of_photons = true;  // photons are known by their number
+  chunks.resize(light_chunk_count(static_cast<std::uint64_t>(counts.light_paths)));
+  edits.chunks.resize(chunks.size());
+  const auto store_of = [&](std::uint64_t chunk) {
+    chunks[chunk].keeping = keeping;
+    chunks[chunk].clear();
+    edits.chunks[chunk].clear();
+    return estimators::EditedLightStore<typename Mis::Block>{chunks[chunk], edits.chunks[chunk]};
+  };
+  CANDELA_TRY((trace_light_paths<kBetween, Mis>(context, options, techniques, counts, eta, half, index,
+                                                store_of, film, run, span)));
+  edits.join();
+  return {};
 }
 
 // Builds a map of the chunks' photons.

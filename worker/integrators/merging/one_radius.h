@@ -16,4 +16,11 @@ Result<void> run_vcm(transport::Between between, const UnitContext& context, con
                      const UnitInput& input, const IterationOptions& options, UnitOutput& output,
                      const RunContext& run);
 
+// The same with edits that select by more of the path than the vertex. They have files of their own: here
+// they would change what the compiler inlines in the other forms.
+Result<void> run_edited_ppm(const UnitContext& context, const Unit& unit, const UnitInput& input,
+                            const IterationOptions& options, UnitOutput& output, const RunContext& run);
+Result<void> run_edited_vcm(const UnitContext& context, const Unit& unit, const UnitInput& input,
+                            const IterationOptions& options, UnitOutput& output, const RunContext& run);
+
 }  // namespace candela::integrators::merging

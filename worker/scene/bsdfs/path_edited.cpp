@@ -70,7 +70,7 @@ std::uint32_t EditedWalk::regions_at(Vec3 p) const {
 
 void EditedWalk::medium(std::uint32_t medium, Vec3 p) {
   arrived_ = left_;
-  other_ = all_.of_eye.at_eye();
+  towards_eye();
   const std::uint32_t object = all_.objects->of_medium[medium], regions = regions_at(p);
   medium_ = others().class_of(Letter::volume, Side::none, object, regions);
   in_medium_ = true;
@@ -89,12 +89,12 @@ void EditedWalk::towards(const EditedWalk& end, Vec3 wo, Vec3 d) {
     const Frame& frame = end.base_.shading;
     c = end.own_classes()[end.letter_][end.through(frame.to_local(wo), frame.to_local(-d))];
   }
-  other_ = end.own().next(end.arrived_.own, c);
+  set_other(end.own().next(end.arrived_.own, c));
 }
 
 Closure EditedWalk::surface(const SurfaceHit& hit, const Closure& plain) {
   arrived_ = left_;
-  other_ = all_.of_eye.at_eye();
+  towards_eye();
   in_medium_ = false;
   nested_ = plain;
   if (plain.black || !all_.scatters[hit.shape]) return plain;
@@ -228,13 +228,25 @@ Spectrum EditedWalk::eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, const float*
     if (!plain_) pdf = static_cast<float>(density(wo, wi, mode, false));
     return all;
   }
-  const Spectrum share = arrived_.share[others().next(other_, others_classes()[letter_][through(wo, wi)])];
+  const Spectrum share =
+      any_end_ ? Spectrum(1)
+               : arrived_.share[others().next(other_, others_classes()[letter_][through(wo, wi)])];
   if (plain_) {
     const Spectrum all = nested_.eval_pdf(wo, wi, mode, pdf);
     return (diffuse_below == nullptr ? all : nested_.eval_diffuse(wo, wi, mode, *diffuse_below)) * share;
   }
   pdf = static_cast<float>(density(wo, wi, mode, !weighed_));
-  return value(other_, wo, wi, mode, diffuse_below) * share;
+  return any_end_ ? any_value(wo, wi, mode, diffuse_below)
+                  : value(other_, wo, wi, mode, diffuse_below) * share;
+}
+
+// For letters, which are drawn by the lobes' shares of it: these are those of each state's value
+// (PathEdits::mixed), of which some are 0.
+Spectrum EditedWalk::any_value(Vec3 wo, Vec3 wi, TransportMode mode, const float* diffuse_below) const {
+  Spectrum sum;
+  for (std::size_t q = 0; q < others().size(); ++q)
+    sum += value(static_cast<State>(q), wo, wi, mode, diffuse_below);
+  return sum;
 }
 
 void EditedWalk::leave(const Shares& weights, Lobe lobe, bool transmitted, BsdfSample& out) {
@@ -250,6 +262,7 @@ void EditedWalk::leave(const Shares& weights, Lobe lobe, bool transmitted, BsdfS
   }
   left_.own = own().next(arrived_.own, own_classes()[lobe][transmitted]);
   out.weight = largest;
+  any_end_ = true;
 }
 
 bool EditedWalk::sample(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out) {

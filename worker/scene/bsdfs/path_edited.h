@@ -14,8 +14,11 @@
 // each state, the direction itself among them. So p is positive wherever any of the values is.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -34,6 +37,9 @@ struct PathEdits {
   const SceneEdits* edits;
   const SceneObjects* objects;
   std::vector<bool> scatters;  // by shape: it can be a vertex, which surfaces that only pass light on cannot
+  // A surface that scatters by diffuse and glossy lobes at once, of which states edit different shares: a
+  // letter cannot be drawn there before the states are known. Empty: there is none.
+  std::string mixed = {};
 };
 
 // The vertex of a walk, and the edge on from there.
@@ -62,11 +68,27 @@ class EditedWalk {
 
   // Sets the other end of the connection: all that its closure evaluates from now on holds for that. The
   // other end of a light path is the eye unless told otherwise.
-  void towards_lamp(std::uint32_t emitter) { other_ = at_lamp(emitter); }
-  void towards_eye() { other_ = all_.of_eye.at_eye(); }
+  void towards_lamp(std::uint32_t emitter) { set_other(at_lamp(emitter)); }
+  void towards_eye() { set_other(all_.of_eye.at_eye()); }
   // A vertex of a walk from the other end, which lies along the direction d (unit, world) of this vertex, and
   // whose wo is towards where that walk came from.
   void towards(const EditedWalk& end, Vec3 wo, Vec3 d);
+  // The other end is a photon that arrives at the vertex: a light path whose state before it is `light`.
+  void towards_photon(State light) { set_other(light); }
+  // The walk's own state behind the vertex, if it goes on along wi (local), or is in a medium.
+  State own_behind(Vec3 wo, Vec3 wi) const {
+    return own().next(arrived_.own, own_classes()[letter_][through(wo, wi)]);
+  }
+  State own_behind_medium() const { return own().next(arrived_.own, own_medium_); }
+  // What the walk knew when it arrived at the vertex, and a walk from the light of which that was kept; its
+  // next vertex is the one that it arrived at.
+  State arrived_state() const { return arrived_.own; }
+  std::span<const Spectrum> arrived_shares() const { return {arrived_.share.data(), others().size()}; }
+  void arrive_from_light(State own, std::span<const Spectrum> shares) {
+    from_light_ = true;
+    left_.own = own;
+    std::copy(shares.begin(), shares.end(), left_.share.begin());
+  }
   // Share of a connection of the vertex in the medium.
   Spectrum medium_share() const { return arrived_.share[others().next(other_, medium_)]; }
   // Shares of the edge under way that ends at the lamp, and at the lens.
@@ -91,6 +113,10 @@ class EditedWalk {
   struct Alternatives;
 
   void begin(bool from_light, State own);
+  void set_other(State other) {
+    other_ = other;
+    any_end_ = false;
+  }
   const edits::PathStates& own() const { return from_light_ ? all_.of_light : all_.of_eye; }
   const edits::PathStates& others() const { return from_light_ ? all_.of_eye : all_.of_light; }
   const Classes& own_classes() const { return from_light_ ? light_ : eye_; }
@@ -107,6 +133,7 @@ class EditedWalk {
   double density(Vec3 wo, Vec3 wi, TransportMode mode, bool verdict) const;
   double density(const Alternatives& all, Vec3 wo, Vec3 wi, TransportMode mode) const;
   Spectrum value(State other, Vec3 wo, Vec3 wi, TransportMode mode, const float* diffuse_below) const;
+  Spectrum any_value(Vec3 wo, Vec3 wi, TransportMode mode, const float* diffuse_below) const;
   bool sample_delta(const Alternatives& all, std::uint32_t drawn, Vec3 wo, Vec3 meant, TransportMode mode,
                     BsdfSample& out);
   // Leaves the vertex with `weights`, by states of the other end.
@@ -116,7 +143,8 @@ class EditedWalk {
   const bool weighed_;
   bool from_light_ = false;
   Edge arrived_, left_;
-  State other_ = 0;  // of the end that the vertex is connected to
+  State other_ = 0;       // of the end that the vertex is connected to
+  bool any_end_ = false;  // the walk left the vertex, and no end is set since: letters are drawn of all ends
   bool in_medium_ = false;
 
   // The vertex at hand.

@@ -64,8 +64,10 @@ ChannelClasses PathLetters::of(const ScatterPoint& v, Vec3 wi, TransportMode mod
 ChannelClasses PathLetters::by_lobes(const SurfaceHit& hit, const scene::Closure& closure, Vec3 wo, Vec3 wi,
                                      TransportMode mode, std::uint64_t key) const {
   const Side side = side_of(hit, wo, wi);
-  const std::uint32_t object = scene_.objects().of_shape[hit.shape], regions = regions_at(hit.p);
+  const std::uint32_t object = scene_.objects().of_shape[hit.shape],
+                      regions = regions_.empty() ? 0 : regions_at(hit.p);
   const auto diffuse = automaton_.class_of(Letter::diffuse, side, object, regions);
+  if (closure.even()) return of_all(diffuse);  // it has no lobe but diffuse and delta ones
   const auto glossy = automaton_.class_of(Letter::glossy, side, object, regions);
   if (diffuse == glossy) return of_all(diffuse);
   const ChannelLetters drawn = letters_of_lobes(hit, closure, wo, wi, mode, glossy_below_, key);

@@ -21,6 +21,7 @@
 #include "worker/transport/photon_map.h"
 #include "worker/transport/scattering.h"
 #include "worker/transport/statistics/none.h"
+#include "worker/transport/technique/merge_edits.h"
 #include "worker/transport/technique/merge_letters.h"
 #include "worker/transport/vertex.h"
 
@@ -64,16 +65,17 @@ inline bool within(float d2, float radius) {
 
 // The weighted contribution of a photon at the eye's vertex v, which is connectible, without v.throughput and
 // maps.per_path. scale: at the film position of the eye's path; its eta is > 0 if weights are wanted.
-template <class Mis, class Block, class Statistics, bool kLetters>
+template <class Mis, class Block, class Statistics, bool kLetters, class Edits = NoMergeEdits>
 class SurfaceMerge {
  public:
   SurfaceMerge(const MergeMaps<Block>& maps, const MergeScale& scale, const Vertex<Block>& v,
-               Statistics& statistics, MergeLetters& letters)
+               Statistics& statistics, MergeLetters& letters, const Edits& edits = {})
       : maps_(maps),
         scale_(scale),
         v_(v),
         statistics_(statistics),
         letters_(letters),
+        edits_(edits),
         scattering_(v.hit, v.closure, v.wo),
         max_edges_(maps.max_edges - v.edges) {}
 
@@ -81,9 +83,11 @@ class SurfaceMerge {
     if (photon.edges > max_edges_) return;
     const SurfaceScattering::Direction wi = scattering_.along(photon.wo);
     float pdf = 0;
+    if constexpr (Edits::kEdits) edits_.meet(v_, maps_.surface->number(photon));
     Spectrum value = scattering_.value(wi, TransportMode::radiance, pdf);
     if (value.is_black() || maps_.leaves(photon, pdf)) return;
     value *= photon.flux;
+    if constexpr (Edits::kEdits) value *= edits_.share(v_.hit.shading.to_local(v_.wo), wi.local);
     const float cosine = std::max(v_.density_factor(photon.wo), kLeastOfOwnCosine * photon.cosine());
     float kernel = scale_.disc.value(d2);
     if constexpr (Statistics::kReaches) kernel = within(d2, scale_.disc_radius) ? kernel : 0;
@@ -111,20 +115,22 @@ class SurfaceMerge {
   const Vertex<Block>& v_;
   Statistics& statistics_;
   [[maybe_unused]] MergeLetters& letters_;
+  [[no_unique_address]] Edits edits_;
   SurfaceScattering scattering_;
   std::uint32_t max_edges_;
 };
 
-template <class Mis, class Block, class Statistics, bool kLetters>
+template <class Mis, class Block, class Statistics, bool kLetters, class Edits = NoMergeEdits>
 class MediumMerge {
  public:
   MediumMerge(const scene::Scene& scene, const MergeMaps<Block>& maps, const MergeScale& scale,
-              const Vertex<Block>& v, Statistics& statistics, MergeLetters& letters)
+              const Vertex<Block>& v, Statistics& statistics, MergeLetters& letters, const Edits& edits = {})
       : maps_(maps),
         scale_(scale),
         v_(v),
         statistics_(statistics),
         letters_(letters),
+        edits_(edits),
         scattering_(scene.medium(v.medium).phase(), v.wo),
         max_edges_(maps.max_edges - v.edges) {}
 
@@ -136,6 +142,7 @@ class MediumMerge {
     if constexpr (Statistics::kReaches) kernel = within(d2, scale_.ball_radius) ? kernel : 0;
     float factor = phase * kernel;
     if (Statistics::kReaches ? phase == 0 : factor == 0) return;
+    decltype(auto) flux = flux_of(photon);
     float weight = 1;
     if constexpr (Mis::kWeighs) {
       const auto forward = static_cast<double>(scattering_.pdf_solid_angle(photon.wo));
@@ -145,20 +152,30 @@ class MediumMerge {
                                                Mis::sum(v_.mis, reverse, scale_.eta)));
       factor *= weight;
     }
-    sum += photon.flux * factor;
-    if constexpr (kLetters) letters_.add(v_, photon.wo, maps_.medium->states(photon), photon.flux * factor);
+    sum += flux * factor;
+    if constexpr (kLetters) letters_.add(v_, photon.wo, maps_.medium->states(photon), flux * factor);
     if constexpr (Statistics::kCollects)
-      statistics_.add(maps_.medium->position(photon) - v_.hit.p, photon.flux, phase * weight, kernel);
+      statistics_.add(maps_.medium->position(photon) - v_.hit.p, flux, phase * weight, kernel);
   }
 
   Spectrum sum;
 
  private:
+  decltype(auto) flux_of(const Photon<Block>& photon) {
+    if constexpr (Edits::kEdits) {
+      edits_.meet(v_, maps_.medium->number(photon));
+      return photon.flux * edits_.medium_share();
+    } else {
+      return (photon.flux);
+    }
+  }
+
   const MergeMaps<Block>& maps_;
   const MergeScale& scale_;
   const Vertex<Block>& v_;
   Statistics& statistics_;
   [[maybe_unused]] MergeLetters& letters_;
+  [[no_unique_address]] Edits edits_;
   MediumScattering scattering_;
   std::uint32_t max_edges_;
 };
@@ -167,15 +184,16 @@ class MediumMerge {
 // prefetch() when the vertex is made, start() and collect() when there has been something else to
 // do, finish() before the vertex goes. finish() does what is left of all.
 //
-// StatisticsT: what else is wanted of merges (statistics/none.h). kLetters: labels may be wanted.
+// StatisticsT: what else is wanted of merges (statistics/none.h). kLetters: labels may be wanted. Edits:
+// MergeEdits, whose start() comes before that of the vertex.
 template <class Mis, class StatisticsT = NoStatistics, class Block = typename Mis::Block,
-          bool kLetters = false>
+          bool kLetters = false, class Edits = NoMergeEdits>
 class Gather {
  public:
   using Statistics = StatisticsT;
   Gather(const scene::Scene& scene, const MergeMaps<Block>& maps, const Statistics& statistics = {},
-         EyeLetters* letters = nullptr)
-      : scene_(scene), maps_(maps), statistics_(statistics), letters_(letters) {}
+         EyeLetters* letters = nullptr, const Edits& edits = {})
+      : scene_(scene), maps_(maps), statistics_(statistics), letters_(letters), edits_(edits) {}
 
   // A path is next, of this place on the film, with this scale, which has to outlive it.
   void begin(const MergeScale& scale, FilmPosition at = {}) {
@@ -190,6 +208,8 @@ class Gather {
   void prefetch(const ScatterPoint& v) const {
     if (const PhotonMap<Block>* map = maps_.map_for(v)) map->prefetch(v.hit.p, radius_for(v));
   }
+  // What it knows of edits. The vertex before has to be finished.
+  Edits& edits() { return edits_; }
   // v is connectible. The one before has to be finished.
   void start(const Vertex<Block>& v) {
     map_ = maps_.map_for(v);
@@ -243,11 +263,13 @@ class Gather {
   template <bool kLabels, class Use>
   void with_merge_of(const Use& use) {
     if (v_->on_surface()) {
-      SurfaceMerge<Mis, Block, Statistics, kLabels> merge(maps_, *scale_, *v_, statistics_, letters_);
+      SurfaceMerge<Mis, Block, Statistics, kLabels, Edits> merge(maps_, *scale_, *v_, statistics_, letters_,
+                                                                 edits_);
       use(merge);
       sum_ += merge.sum;
     } else {
-      MediumMerge<Mis, Block, Statistics, kLabels> merge(scene_, maps_, *scale_, *v_, statistics_, letters_);
+      MediumMerge<Mis, Block, Statistics, kLabels, Edits> merge(scene_, maps_, *scale_, *v_, statistics_,
+                                                                letters_, edits_);
       use(merge);
       sum_ += merge.sum;
     }
@@ -257,6 +279,7 @@ class Gather {
   const MergeMaps<Block>& maps_;
   [[no_unique_address]] Statistics statistics_;
   MergeLetters letters_;
+  [[no_unique_address]] Edits edits_;
   const MergeScale* scale_ = nullptr;  // of the path
   const PhotonMap<Block>* map_ = nullptr;
   const Vertex<Block>* v_ = nullptr;
