@@ -146,12 +146,18 @@ std::vector<Placement> placements() {
 
 // Rays leaving points of a tilted triangle, also far from it where floats are coarse, into all directions of
 // one side.
+// Every second triangle is in Embree's tree, as a crowd of others stands behind it.
 TEST(Accel, RaysLeavingATriangleDoNotMeetItAgain) {
   rng::Stream stream(rng::key(1, 82));
   for (const Placement& placement : placements()) {
     for (int shape_round = 0; shape_round < 20; ++shape_round) {
       Geometry geometry;
       Shape shape = random_triangles(1, stream, 1);
+      if (shape_round % 2 == 0)
+        for (std::uint32_t i = 0; i < 64; ++i) {
+          for (int k = 0; k < 3; ++k) shape.positions.push_back(Vec3{9, 9, 9} + random_point(stream, 1));
+          shape.triangles.push_back({3 * i + 3, 3 * i + 4, 3 * i + 5});
+        }
       for (Vec3& p : shape.positions) p = p * placement.scale + placement.offset;
       geometry.add(shape, {});
       geometry.finish();
@@ -170,7 +176,7 @@ TEST(Accel, RaysLeavingATriangleDoNotMeetItAgain) {
         if (i % 3 == 0)
           d = normalize(d - t.ng * dot(d, t.ng) + t.ng * (1e-4f * stream.next_float()));  // grazing
         Accel::Found found{};
-        ASSERT_FALSE(accel->intersect(spawn_ray(hit, d), found))
+        ASSERT_FALSE(accel->intersect(spawn_ray(hit, d), found) && found.primitive == 0)
             << "scale " << placement.scale << " offset " << placement.offset.x << " round " << shape_round;
       }
     }

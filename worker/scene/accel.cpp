@@ -1,8 +1,9 @@
 // Embree 3: one static scene, all triangles in one geometry, and one user geometry, in double, for each kind
-// of the others. A shapegroup is a scene of the same kind. All instances together are one more user geometry,
-// whose callback takes the ray into the group by our own arithmetic (in double, rounded once) and traces it
-// there: error bounds follow from that, where Embree's own instances invert and apply the matrix in float;
-// and an instance costs no geometry object.
+// of the others. Of small scenes rays meet the primitives without it (few_primitives.h). A shapegroup is a
+// scene of the same kind. All instances together are one more user geometry, whose callback takes the ray
+// into the group by our own arithmetic (in double, rounded once) and traces it there: error bounds follow
+// from that, where Embree's own instances invert and apply the matrix in float; and an instance costs no
+// geometry object.
 //
 // Build quality is medium: Embree's tree is then the same whatever the number of threads; that of high
 // quality is not (RenderKit/embree issue 20). Surfaces that lie in one plane: see ties.h.
@@ -18,6 +19,7 @@
 #include <utility>
 
 #include "common/base/work_monitor.h"
+#include "worker/scene/few_primitives.h"
 #include "worker/scene/ties.h"
 
 namespace candela::scene {
@@ -186,10 +188,12 @@ void attach_triangles(RTCDevice device, RTCScene scene, const Geometry& geometry
   rtcReleaseGeometry(triangles);
 }
 
-void attach_group(RTCDevice device, RTCScene scene, const Geometry& geometry, const Group& group) {
+void attach_group(RTCDevice device, RTCScene scene, const Geometry& geometry, const Group& group,
+                  bool round) {
   rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_MEDIUM);
   rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);
   attach_triangles(device, scene, geometry, group);
+  if (!round) return;
   Callbacks<SphereRecord, &SphereRecord::sphere>::attach(device, scene, geometry.spheres, group,
                                                          PrimitiveKind::sphere);
   Callbacks<DiskRecord, &DiskRecord::disk>::attach(device, scene, geometry.disks, group, PrimitiveKind::disk);
@@ -305,7 +309,7 @@ void attach_instances(RTCDevice device, RTCScene scene, const Geometry& geometry
   for (std::size_t i = 1; i < geometry.groups.size(); ++i) {
     instances.scenes[i].reset(rtcNewScene(device));
     if (!instances.scenes[i]) return;  // the device has heard of it
-    attach_group(device, instances.scenes[i].get(), geometry, geometry.groups[i]);
+    attach_group(device, instances.scenes[i].get(), geometry, geometry.groups[i], true);
     commit(instances.scenes[i].get());
   }
   RTCGeometry all = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
@@ -328,6 +332,7 @@ struct Accel::Impl {
   Instances instances;
   EmbreeScene scene;
   std::unique_ptr<Ties> ties;
+  std::unique_ptr<FewPrimitives> few;  // null: the tree has all
 };
 
 // Embree takes an unknown or unsupported `isa` without a word and uses another, so that both are checked
@@ -387,7 +392,8 @@ Result<Accel> Accel::build(const Geometry& geometry, const std::string& isa, uns
   impl->scene.reset(rtcNewScene(device));
   RTCScene scene = impl->scene.get();
   if (scene != nullptr) {
-    attach_group(device, scene, geometry, geometry.groups[0]);
+    impl->few = FewPrimitives::build(geometry);
+    attach_group(device, scene, geometry, geometry.groups[0], impl->few == nullptr || impl->few->whole());
     attach_instances(device, scene, geometry, impl->instances);
     commit(scene);
     impl->ties = Ties::build(device, geometry);
@@ -403,11 +409,14 @@ Result<Accel> Accel::build(const Geometry& geometry, const std::string& isa, uns
 bool Accel::intersect(const Ray& ray, Found& found) const {
   RTCRayHit query;
   if (!set_ray(ray, query.ray)) return false;
+  const FewPrimitives* const few = impl_->few.get();
+  if (few != nullptr && few->whole()) return intersect_few(ray, found);
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(impl_->scene.get(), &context, &query);
+  if (few != nullptr && intersect_few({ray.origin, ray.direction, query.ray.tfar}, found)) return true;
   if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
   found = {query.hit.primID, static_cast<PrimitiveKind>(query.hit.geomID), query.hit.instID[0]};
   if (found.instance != kNone) [[unlikely]] {
@@ -420,6 +429,15 @@ bool Accel::intersect(const Ray& ray, Found& found) const {
   return true;
 }
 
+bool Accel::intersect_few(const Ray& ray, Found& found) const {
+  float distance = 0;
+  if (!impl_->few->intersect(ray, distance, found.kind, found.primitive)) return false;
+  found.instance = kNone;
+  if (impl_->ties != nullptr) [[unlikely]]
+    impl_->ties->settle(ray, distance, found.kind, found.primitive);
+  return true;
+}
+
 void* Accel::embree_scene() const {
   return impl_->scene.get();
 }
@@ -427,6 +445,11 @@ void* Accel::embree_scene() const {
 bool Accel::occluded(const Ray& ray) const {
   RTCRay query;
   if (!set_ray(ray, query)) return false;
+  const FewPrimitives* const few = impl_->few.get();
+  if (few != nullptr) {
+    const bool met = few->occluded(ray);
+    if (met || few->whole()) return met;
+  }
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   rtcOccluded1(impl_->scene.get(), &context, &query);

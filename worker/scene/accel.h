@@ -35,11 +35,13 @@ class Accel {
   bool intersect(const Ray& ray, Found& found) const;
   bool occluded(const Ray& ray) const;
 
-  // The RTCScene, for measurements.
+  // The RTCScene, for measurements. Round primitives are not in it if few_primitives.h finds them beside
+  // meshes.
   void* embree_scene() const;
 
  private:
   struct Impl;
+  bool intersect_few(const Ray& ray, Found& found) const;
   explicit Accel(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
