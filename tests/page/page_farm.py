@@ -61,7 +61,7 @@ class PageTest(unittest.TestCase):
             cls.start_master()
             cls.worker = cls.child("candela-worker", "--master", cls.listen, "--cache", cls.folder / "cache", "--threads", "1",
                                    "--name", NAME)
-            if not eventually(lambda: "registered" in (cls.folder / "candela-master-0.log").read_text()):
+            if not eventually(lambda: "registered" in (cls.folder / "checked-master-0.log").read_text()):
                 raise RuntimeError((cls.folder / "candela-worker-1.log").read_text())
             cls.browser = browser.Browser()
             tab = cls.browser.open(f"{cls.url}/#token={TOKEN}")  # from then on the browser may read
@@ -80,8 +80,9 @@ class PageTest(unittest.TestCase):
 
     @classmethod
     def start_master(cls):
-        said = cls.folder / f"candela-master-{len(cls.children)}.log"
-        cls.master = cls.child("candela-master", "--listen", cls.listen, "--http", cls.http, "--data", cls.folder / "data",
+        # The product's master, which also tells of violated invariants of its scheduler (tests/farm/checked_master.h).
+        said = cls.folder / f"checked-master-{len(cls.children)}.log"
+        cls.master = cls.child("checked-master", "--listen", cls.listen, "--http", cls.http, "--data", cls.folder / "data",
                                "--page-token-file", cls.folder / "token", "--unit-time", "0.3", "--checkpoint-interval", "1", "--lease-time", "120")
         found = eventually(lambda: re.search(r"listening on (\S+)\nhttp on (\S+)\n", said.read_text()))
         if not found:
@@ -97,7 +98,11 @@ class PageTest(unittest.TestCase):
             child.terminate()
         for child in cls.children:
             child.wait(60)
+        violations = [line for log in cls.folder.glob("checked-master-*.log") for line in log.read_text().splitlines()
+                      if line.startswith("invariant violated: ")]
         cls.scratch.cleanup()
+        if violations:
+            raise AssertionError("\n".join(violations))
 
     def submit(self, *arguments):
         done = subprocess.run([PROGRAMS / "candela", "submit", SCENE, "--master", self.listen, "--size", "320x256", *arguments],

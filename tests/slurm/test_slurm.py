@@ -43,7 +43,8 @@ class Slurm(unittest.TestCase):
     def start_master(cls):
         said = cls.folder / "master.log"
         with open(said, "wb") as log:
-            cls.master = subprocess.Popen([PROGRAMS / "candela-master", "--listen", "127.0.0.1:0", "--data",
+            # The product's master, which also tells of violated invariants of its scheduler (tests/farm/checked_master.h).
+            cls.master = subprocess.Popen([PROGRAMS / "checked-master", "--listen", "127.0.0.1:0", "--data",
                                            cls.folder / "data", "--unit-time", "0.2", "--lease-time", "5",
                                            "--checkpoint-interval", "1"], stdout=log, stderr=log)
         listening = re.compile(r"127\.0\.0\.1:[1-9][0-9]*")
@@ -57,7 +58,11 @@ class Slurm(unittest.TestCase):
         if hasattr(cls, "master"):
             cls.master.terminate()
             cls.master.wait(60)
+            violations = [line for line in (cls.folder / "master.log").read_text().splitlines()
+                          if line.startswith("invariant violated: ")]
         cls.scratch.cleanup()
+        if hasattr(cls, "master") and violations:
+            raise AssertionError("\n".join(violations))
 
     def tearDown(self):
         self.slurm.run("scancel", "--state=PENDING", "-u", str(os.getuid()), check=False)
