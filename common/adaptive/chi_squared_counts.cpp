@@ -36,18 +36,6 @@ bool counts_exceed(std::span<const Int128> counts, std::uint64_t critical) {
   return left > right;
 }
 
-double counts_statistic(std::span<const Int128> counts) {
-  const auto total = static_cast<double>(total_of(counts));
-  if (total == 0) return 0;
-  const auto n = static_cast<double>(counts.size());
-  double deviation = 0;
-  for (const Int128 count : counts) {
-    const double d = static_cast<double>(count) - total / n;
-    deviation += d * d;
-  }
-  return n * deviation / total;
-}
-
 std::vector<Uint128> batch_sizes(const CountsTest& test) {
   std::vector<Uint128> sizes;
   Uint128 size = static_cast<Uint128>(test.first_batch) << kGrowthBits;

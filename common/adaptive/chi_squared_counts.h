@@ -14,8 +14,6 @@ namespace candela::adaptive {
 // n sum c^2 / C - C > critical * 2^-32, C = sum c. False if there are no photons. Preconditions: 2 <= n <=
 // 12, 0 <= counts <= 2^103, critical < 2^42.
 bool counts_exceed(std::span<const Int128> counts, std::uint64_t critical);
-// The same statistic in double.
-double counts_statistic(std::span<const Int128> counts);
 
 struct CountsTest {
   std::uint64_t critical_outer = 0;  // of 12 sectors, times 2^32

@@ -58,22 +58,6 @@ bool few_contributions(const SectorSums& sums, std::uint64_t number) {
   return size * size <= right;
 }
 
-double f_statistic(const SectorSums& sums) {
-  if (sums.squares <= 0) return 0;
-  const auto n = static_cast<double>(sums.sums.size());
-  double total = 0;
-  for (const Int128 sum : sums.sums) total += static_cast<double>(sum);
-  const double mean = total / n;
-  double deviation = 0;
-  for (const Int128 sum : sums.sums) {
-    const double d = static_cast<double>(sum) - mean;
-    deviation += d * d;
-  }
-  const double squares =
-      static_cast<double>(sums.squares) * static_cast<double>(std::uint64_t{1} << sums.square_shift);
-  return n / (n - 1) * deviation / squares;
-}
-
 std::array<Int128, kSectorChannels / 2> antipodal(std::span<const Int128, kSectorChannels> sums) {
   constexpr int kPairs = kSectorsPerRing / 2;
   std::array<Int128, kSectorChannels / 2> pairs{};

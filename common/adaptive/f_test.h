@@ -39,9 +39,6 @@ bool f_exceeds(const SectorSums& sums, std::uint64_t critical);
 // above 0. Reduces sums as f_exceeds() does. Preconditions: of f_exceeds(); number < 2^32.
 bool few_contributions(const SectorSums& sums, std::uint64_t number);
 
-// F in double, 0 if Q is not above 0: for reports and as the reference of f_exceeds().
-double f_statistic(const SectorSums& sums);
-
 // Each sector with its opposite: 6 sums of 12. They do not see fields that are odd about the center.
 std::array<Int128, kSectorChannels / 2> antipodal(std::span<const Int128, kSectorChannels> sums);
 

@@ -13,6 +13,7 @@
 #include "common/adaptive/levels.h"
 #include "common/adaptive/quantile.h"
 #include "tests/random_draws.h"
+#include "tests/unit/adaptive_statistics.h"
 
 namespace candela::adaptive {
 namespace {

@@ -14,6 +14,7 @@
 #include "common/adaptive/quantile.h"
 #include "tests/random_draws.h"
 #include "tests/statistical/quantiles.h"
+#include "tests/unit/adaptive_statistics.h"
 
 namespace candela::adaptive {
 namespace {
