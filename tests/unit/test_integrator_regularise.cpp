@@ -474,8 +474,14 @@ TEST(Regularised, EachSegmentHasTheRadiusOfItsEpoch) {
       for (const auto* other : {&stays, &threads}) {
         EXPECT_TRUE(std::equal(one.film->sums(), one.film->sums() + values, other->film->sums()))
             << integrator << " " << segment;
-        EXPECT_EQ(one.records, other->records) << integrator << " " << segment;
+        // A radius that stays has no sums of mollified paths.
+        const auto plain = [](std::vector<chains::ChainRecord> records) {
+          for (chains::ChainRecord& record : records) record.counts.mollified.reset();
+          return records;
+        };
+        EXPECT_EQ(plain(one.records), plain(other->records)) << integrator << " " << segment;
       }
+      EXPECT_EQ(one.records, threads.records) << integrator << " " << segment;
       for (std::size_t i = 0; i < one.records.size(); ++i) {
         ASSERT_EQ(one.records[i].counts.mutations, (segment + 1) * kMutations);
         chain_starts[i].record = one.records[i];

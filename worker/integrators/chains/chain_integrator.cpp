@@ -165,6 +165,9 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
   rules.segment_mutations = plan.segment_mutations;
   rules.pixels = static_cast<double>(context.width) * context.height;
   rules.states_vanish = regularization_.runs();
+  // If the radius stays, the bootstrap's samples are like all others, and b is one mean.
+  constexpr std::uint64_t kLate = std::uint64_t{1} << 40;
+  const bool stays = !(regularization_.bandwidth(kLate) < regularization_.bandwidth(0));
   if (!std::isfinite(input.state.bootstrap_b) || input.state.bootstrap_b < 0)
     return internal_error("the first estimate of b is negative or not finite");
   const bool dark = !(input.state.bootstrap_b > 0);
@@ -204,6 +207,7 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
       const auto done = mcmc::run_segment(*space, rules, chains::chain_of(unit.half, index, plan.chains),
                                           starts[i], outlets, records[i]);
       if (!done.ok()) errors[i] = done.error();
+      if (stays) records[i].counts.mollified.reset();
     }
     if (direct_by_path_) direct.add(index, mcmc::kIndependentLayer, film, tallies, run);
   };
