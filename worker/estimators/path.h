@@ -23,8 +23,10 @@
 // flight, not by their transmittance, and its random block is longer. Both share draws.h and roulette.h.
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <optional>
 #include <type_traits>
 
 #include "common/film/counts.h"
@@ -110,6 +112,10 @@ class PathTracer {
   static constexpr bool kGroups = std::is_same_v<SceneT, scene::Scene>;
   static constexpr scene::TransportMode kMode = scene::TransportMode::radiance;
   static constexpr scene::LightTechnique kChoice = scene::LightTechnique::adapted;
+  // Mean free paths in the scene's radius above which flights come before rays.
+  static constexpr float kSoon = 10;
+  // Of the radius: what positions are wrong by, over a cosine of 1/200.
+  static constexpr float kEndOfMedium = 0x1p-14f;
   enum class Flight : std::uint8_t { absorbed, scattered, arrived };
 
   float draw_1d(std::uint32_t which) { return sampler_.draw_1d(block_ + which, stratified_); }
@@ -120,6 +126,11 @@ class PathTracer {
     scene::SurfaceHit& hit = hits_[depth_ & 1];
     stratified_ = scatterings_ < transport::kStratifiedVertices;
     ++rays_;
+    if constexpr (kMedia) {
+      if (medium_ != scene::kNone && depth_ < options_.max_depth && scatters_soon(scene_.medium(medium_))) {
+        if (const std::optional<bool> goes_on = fly_first(hit)) return *goes_on;
+      }
+    }
     const bool found = scene_.intersect(ray_, hit);
     if constexpr (kMedia) {
       if (medium_ != scene::kNone) {
@@ -141,6 +152,25 @@ class PathTracer {
       return false;
     }
     return scatter(hit);
+  }
+
+  bool scatters_soon(const scene::Medium& medium) const {
+    return medium.homogeneous() && medium.max_sigma_t().max_component() * scene_.features().radius > kSoon;
+  }
+  // Draws the flight before the ray is traced, which need not be longer then, and scatters if there is no
+  // surface on the way. Nothing: there may be one.
+  std::optional<bool> fly_first(scene::SurfaceHit& hit) {
+    const scene::DistanceSample flight =
+        scene_.medium(medium_).sample_distance(ray_, throughput_, draw_2d(transport::path_block::kFlight));
+    if (!flight.scattered) return std::nullopt;
+    // The medium ends before the next surface by its error over the cosine (inside_medium).
+    Ray ray = ray_;
+    ray.t_max = std::min(ray.t_max, flight.distance + kEndOfMedium * scene_.features().radius);
+    if (scene_.intersect(ray, hit)) return std::nullopt;
+    throughput_ *= flight.weight;
+    if (throughput_.is_black()) return false;
+    transport::medium_vertex(ray_, flight.distance, hit);
+    return scatter_in_medium(hit);
   }
 
   // A flight through the medium up to the surface, or to a scattering before.
