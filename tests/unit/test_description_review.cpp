@@ -141,8 +141,7 @@ TEST(DescriptionReview, SpectraAreTold) {
   EXPECT_EQ(
       findings(review_of("<emitter type='constant'><spectrum type='blackbody' name='radiance'>"
                          "<float name='temperature' value='6500'/></spectrum></emitter>")),
-      "differs 1: spectrum 'blackbody': Mitsuba has it in its spectral variants alone; the color is the one "
-      "those show\n");
+      "differs 1: spectrum 'blackbody': Mitsuba has it in its spectral variants only; the color is theirs\n");
 }
 
 // Claim: sentences of differences are written to stand in a line: no capital, no full stop.
