@@ -23,6 +23,7 @@
 #include "common/film/layout.h"
 #include "common/stages/decision.h"
 #include "common/stages/epochs.h"
+#include "tests/laplacian_stencil.h"
 #include "tests/random_draws.h"
 
 namespace candela::test {

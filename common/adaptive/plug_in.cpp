@@ -24,14 +24,6 @@ PlugInMedia plug_in_media(double disc_k2, double ball_k2, double ball_k3) {
   return {4 * kPi * ball_k3 / (disc_k2 * disc_k2), ball_k2 / disc_k2};
 }
 
-int laplacian_stencil(double u, double v, double h) {
-  const auto inside = [&](double cu, double cv) {
-    const double du = u - cu, dv = v - cv;
-    return du * du + dv * dv < h * h ? 1 : 0;
-  };
-  return inside(h, 0) + inside(-h, 0) + inside(0, h) + inside(0, -h) - 4 * inside(0, 0);
-}
-
 double fifth_root(double x) {
   double scale = 1;
   for (; x < 1; x *= 32) scale *= 0.5;

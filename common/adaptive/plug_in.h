@@ -33,10 +33,6 @@ struct PlugInMedia {
 };
 PlugInMedia plug_in_media(double disc_k2, double ball_k2, double ball_k3);
 
-// D_h(y) pi h^4 of the five-point stencil of constant kernels for y = (u, v): the number of the four shifted
-// discs that y is in, minus 4 if it is in the middle one. 0 for |y| > 2 h.
-int laplacian_stencil(double u, double v, double h);
-
 // h / r_1 in an epoch that begins at iteration `begin`: (1/2) N^(-1/10), N = max(1, begin).
 double pilot_bandwidth(std::uint64_t begin);
 // (x > 0) x^(1/5), by Newton's method.

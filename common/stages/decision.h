@@ -3,7 +3,7 @@
 // A rule is a pure function. Its result depends on the plan, the epoch, the state before, the sums of one
 // whole epoch and on what the rule itself carries from the epochs before, and on nothing else. It computes
 // with integers, or with + - * / sqrt of doubles (the same bits on every machine), so anybody who has the
-// sums finds the same bytes again. The master decides; a test may replay it.
+// sums finds the same bytes again. The master decides; a test replays it (tests/replay.h).
 //
 //   decision e:  (state e-1, carry, sums of epoch e-1-lag)  ->  (state e, carry)
 //
@@ -12,7 +12,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -96,16 +95,5 @@ Result<DecisionRule> find_rule(std::string_view name);
 // The state of the epoch, by the plan's rule. Fails (input) on an unknown rule, (failed) on a state or memo
 // that is too large, and as the rule fails; the carry is of no use then.
 Result<std::string> decide(const DecisionInput& input, Carry& carry);
-
-// Decisions [0, epochs), one after the other, from the sums alone.
-struct Replay {
-  std::vector<std::string> states;
-  Carry carry;  // after the last decision
-};
-// The sums of a whole epoch, of an accumulator that is kept per epoch. Valid until replay() returns.
-using EpochSums =
-    std::function<const film::MergedAccumulator*(std::string_view name, std::uint64_t of_epoch)>;
-Result<Replay> replay(const EpochPlan& plan, std::span<const film::AccumulatorSpec> accumulators,
-                      std::uint64_t epochs, std::uint32_t width, std::uint32_t height, const EpochSums& sums);
 
 }  // namespace candela

@@ -27,16 +27,4 @@ struct Halves {
 // Halves of the image as developed. `film` and `development` must outlive it.
 Halves halves_of(const film::MergedFilm& film, const film::Development& development);
 
-// The same as arrays, which an experiment keeps. `scaled` is empty where the factor has no variance.
-struct HalfImages {
-  std::uint32_t width = 0, height = 0;
-  double n0 = 0, n1 = 0;
-  bool chains = false;
-  double factor_variance = 0;
-  std::vector<float> a, b, scaled;
-};
-HalfImages images_of(const Halves& halves);
-// `images` must outlive it.
-Halves halves_of(const HalfImages& images);
-
 }  // namespace candela::stats

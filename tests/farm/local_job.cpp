@@ -8,6 +8,7 @@
 #include "common/base/files.h"
 #include "common/base/hash.h"
 #include "common/stages/epochs.h"
+#include "tests/replay.h"
 
 namespace candela::farm {
 namespace {

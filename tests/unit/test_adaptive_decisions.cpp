@@ -12,6 +12,7 @@
 #include "common/adaptive/levels.h"
 #include "common/adaptive/plug_in.h"
 #include "common/adaptive/quantile.h"
+#include "tests/laplacian_stencil.h"
 #include "tests/random_draws.h"
 #include "tests/statistical/quantiles.h"
 #include "tests/unit/adaptive_statistics.h"

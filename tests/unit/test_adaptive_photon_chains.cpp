@@ -5,6 +5,7 @@
 
 #include "common/stages/decision.h"
 #include "common/stages/photon_chains.h"
+#include "tests/replay.h"
 
 namespace candela {
 namespace {

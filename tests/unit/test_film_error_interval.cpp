@@ -13,6 +13,7 @@
 #include "common/stats/error_interval.h"
 #include "common/stats/image_error.h"
 #include "common/stats/movement_sums.h"
+#include "tests/half_images.h"
 
 namespace candela::stats {
 namespace {

@@ -7,6 +7,7 @@
 #include "common/adaptive/channels.h"
 #include "common/stages/decision.h"
 #include "tests/integrators.h"
+#include "tests/replay.h"
 #include "tests/unit/scene_fixture.h"
 #include "worker/render/renderer.h"
 

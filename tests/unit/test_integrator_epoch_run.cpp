@@ -9,6 +9,7 @@
 #include "common/rng/stream.h"
 #include "tests/adaptive_toy.h"
 #include "tests/epoch_run.h"
+#include "tests/replay.h"
 
 namespace candela::test {
 namespace {

@@ -11,6 +11,7 @@
 #include "common/stages/epoch_corrections.h"
 #include "common/stages/epochs.h"
 #include "tests/mis_problems.h"
+#include "tests/replay.h"
 
 namespace candela {
 namespace {

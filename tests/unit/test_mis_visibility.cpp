@@ -9,6 +9,7 @@
 
 #include "common/stages/decision.h"
 #include "common/stages/light_visibility.h"
+#include "tests/replay.h"
 
 namespace candela {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "common/stats/halves.h"
+#include "tests/half_images.h"
 
 namespace candela::bench {
 

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "common/stats/halves.h"
 #include "tests/bench/candela_bench/spec.h"
+#include "tests/half_images.h"
 
 namespace candela::bench {
 
