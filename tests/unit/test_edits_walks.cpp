@@ -308,13 +308,14 @@ TEST(EditedWalks, MergeAsTheyConnect) {
   // Light that leaves the panel, and is merged at the floor: the eye's edit acts, as it sees the panel by the
   // floor.
   rng::Stream stream(rng::key(21));
+  const Vec3 gathered = normalize(Vec3{-0.9f, 0.1f, 0.7f});  // towards what kGather gathers
   const LastAtFloor connected(true);
   int told = 0;
   for (int i = 0; i < 400; ++i) {
-    AtPanel at(w, true, true, directions_from()[0]);
+    AtPanel at(w, true, true, gathered);
     BsdfSample s;
-    if (!at.closure.sample(directions_from()[0], stream.next_float(),
-                           {stream.next_float(), stream.next_float()}, kImportance, s))
+    if (!at.closure.sample(gathered, stream.next_float(), {stream.next_float(), stream.next_float()},
+                           kImportance, s))
       continue;
     EditedWalk light(at.walk), eye(*w.all, true);
     static_cast<void>(light.surface(floor->hit, plain));
