@@ -269,7 +269,9 @@ TEST(LayersOf, PpmAreTheLightOfTheirPaths) {
 TEST(EditedLayersOf, AllAreTheLightOfTheirPaths) {
   constexpr std::uint32_t kWidth = 24, kHeight = 16;
   const Regions regions(kWidth, kHeight, 8);
-  for (const char* expression : {"L[DGSV]*G{floor}X{ball}E", "LX{ball}G{floor}[DGSV]*E"}) {
+  std::vector<std::string> expressions = {"L[DGSV]*D{floor}X{ball}E"};
+  if (long_form()) expressions.emplace_back("L[DGSV]*X{ball}D{floor}E");
+  for (const std::string& expression : expressions) {
     const auto layer_by = [&](const std::string& integrator, const SettingsMap& settings,
                               std::uint64_t seed) {
       TestScene scene = with_integrator(scene_from_xml(room_text(kPanel + kBulb, kTwoLobes), kWidth, kHeight),
@@ -277,16 +279,18 @@ TEST(EditedLayersOf, AllAreTheLightOfTheirPaths) {
       scene.settings.edits = edits_at("ball");
       scene.settings.layers = text_of({{"a", expression}});
       return make_estimator(integrator, {{1, scene}},
-                            {.seed = seed, .batches = 12, .iterations = 24, .layer = 1}, regions);
+                            {.seed = seed, .batches = 12, .iterations = 64, .layer = 1}, regions);
     };
-    const Estimator reference = layer_by("bdpt", {}, 21);
+    const Estimator reference = cached(layer_by("bdpt", {}, 21));
     for (const auto& [integrator, margin] :
          {std::pair{"path", 0.0}, std::pair{"light", 0.0}, std::pair{"vcm", 0.03}}) {
+      const bool light = integrator == std::string("light");
+      if (light && !long_form()) continue;
       const SettingsMap settings = margin > 0 ? SettingsMap{{"radius", "0.05"}} : SettingsMap{};
       const Verdict verdict =
           compare(layer_by(integrator, settings, 22), reference, regions, {.margin = margin});
       EXPECT_TRUE(verdict.agree) << verdict.report;
-      EXPECT_LT(verdict.detectable_whole, 0.6) << verdict.report;
+      EXPECT_LT(verdict.detectable_whole, light ? 1.2 : 0.6) << verdict.report;
     }
   }
 }
