@@ -261,7 +261,8 @@ TEST(Regularised, RadiusThatFallsConverges) {
     }
     const double expected = exact * (1 - squares / 4);
     EXPECT_NEAR(mean.mean(), expected, 5 * mean.error() + 0.01 * expected) << mean.error();
-    EXPECT_LT(mean.error(), 0.03 * expected);
+    // Seeds of erpt choose among lengths and techniques.
+    EXPECT_LT(mean.error(), (std::string(one.integrator) == "erpt" ? 0.08 : 0.03) * expected);
   }
 }
 
