@@ -160,12 +160,18 @@ std::uint32_t Tracer::bsdf_of(std::size_t i) const {
   return i == 0 ? full.light.bsdf : full.inner[i - 1].hit.bsdf;
 }
 
+scene::SurfaceHit Tracer::hit_at(const scene::CanonicalPoint& point) const {
+  if (context_.found == nullptr) return scene_.points().hit(point);
+  const path::FoundSurface* found = context_.found->find(point);
+  return found != nullptr ? found->hit : context_.found->add(scene_, point).hit;
+}
+
 Tracer::Beam Tracer::leave(const path::PathVertex& vertex, Vec3d direction) const {
   Beam beam;
   beam.direction = direction;
   if (path::is_on_surface(vertex.kind)) {
     const scene::SurfaceGeometry at = scene_.points().at(vertex.point);
-    const auto error = static_cast<double>(scene_.points().hit(vertex.point).error);
+    const auto error = static_cast<double>(hit_at(vertex.point).error);
     beam.origin = at.p;
     beam.ray = {Vec3(at.p + at.ng * (dot(direction, at.ng) < 0 ? -error : error)), Vec3(direction)};
     return beam;
@@ -184,12 +190,12 @@ bool Tracer::meet(Beam& beam, std::size_t i, path::PathVertex& vertex) const {
   const Vec3 start(beam.origin);
   for (std::uint32_t passes = 0; passes < kMaxPasses; ++passes) {
     const auto point = scene_.points().intersect(beam.ray, beam.origin, beam.direction);
-    if (rays_ != nullptr) ++*rays_;
+    if (context_.rays != nullptr) ++*context_.rays;
     if (!point) {
       vertex.place = beam.direction;
       return leaves;
     }
-    beam.hit = scene_.points().hit(*point);
+    beam.hit = hit_at(*point);
     if (!(beam.in_space && goes_through(beam.hit, start))) {
       const bool copied = !leaves && beam.hit.bsdf == bsdf;
       if (copied || !scene_.features().any_straight ||
