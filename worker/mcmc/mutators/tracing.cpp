@@ -94,7 +94,8 @@ double film_distance(const PathState& a, const PathState& b) {
 }
 
 LogStep film_step(const MutatorContext& context) {
-  constexpr double kMin = 0.1, kShare = 0.05;
+  // [Veach 1997] has 0.1 pixels: half of the steps then stay within a pixel, which moves no light.
+  constexpr double kMin = 1, kShare = 0.05;
   const double radius = std::sqrt(kShare * context.film_width * context.film_height / std::numbers::pi);
   return {kMin, std::max(4 * kMin, radius)};
 }

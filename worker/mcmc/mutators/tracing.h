@@ -44,7 +44,7 @@ bool on_film(const MutatorContext& context, double x, double y);
 // Between film positions, in pixels.
 double film_distance(const PathState& a, const PathState& b);
 
-// The steps of film positions: from a tenth of a pixel to a disk of 5 % of the film
+// The steps of film positions: from a pixel to the radius of a disk of 5 % of the film
 // [Veach 1997, Sec. 11.4.3.1].
 LogStep film_step(const MutatorContext& context);
 
