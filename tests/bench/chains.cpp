@@ -3,9 +3,10 @@
 // CPU seconds (user) of rendering alone, the bootstrap's included; methods in turn for each seed, medians
 // over seeds.
 //
-//   bench_chains SHARED [--scenes A,B] [--seeds N] [--rounds N] [--set KEY=VALUE]
-// Mitsuba 0.6 on veach-bidir (../shared/peers.md, measured on a machine of this kind on another day): pssmlt
-// over bdpt 0.079 M, over path 0.27 M mutations a CPU second.
+//   bench_chains SHARED [--scenes A,B] [--methods A,B] [--seeds N] [--rounds N] [--set KEY=VALUE]
+// A method is a row's name, with - for a space. --rounds: of segments; iterations of erpt; iterations of the
+// others are 8 times that. Mitsuba 0.6 on veach-bidir (../shared/peers.md, measured on a machine of this kind
+// on another day): pssmlt over bdpt 0.079 M, over path 0.27 M mutations a CPU second.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -41,6 +42,7 @@ struct Row {
   double mean_bytes = 0;
   std::size_t most_bytes = 0;
   std::vector<Pushed> pushed;
+  std::vector<chains::MutationCounts> by_mutation;
 };
 
 Row row_of(const std::string& name, const std::string& integrator, const SettingsMap& settings) {
@@ -96,6 +98,7 @@ Sample run_chains(Row& row, const TestScene& scene, std::uint64_t seed, std::uin
     all.accepted += record.counts.accepted;
     all.large_steps += record.counts.large_steps;
     all.large_accepted += record.counts.large_accepted;
+    chains::add(row.by_mutation, record.counts.by_mutation);
     bytes += record.state.size();
     row.most_bytes = std::max(row.most_bytes, record.state.size());
   }
@@ -129,25 +132,53 @@ Sample run_iterations(const TestScene& scene, std::uint64_t seed, std::uint64_t 
   return sample;
 }
 
+std::vector<Row> all_rows() {
+  std::vector<Row> rows;
+  for (const std::string name : {"path", "bdpt", "vcm"}) rows.push_back(row_of(name, name, {}));
+  rows.push_back(row_of("pssmlt-path", "pssmlt", {{"over", "path"}}));
+  rows.push_back(row_of("pssmlt", "pssmlt", {{"over", "bdpt"}}));
+  rows.push_back(row_of("mmlt", "mmlt", {}));
+  for (const std::string preset : {"mlt", "memlt", "hslt"})
+    rows.push_back(row_of(preset, "mlt", {{"preset", preset}}));
+  for (const std::string preset : {"erpt", "mept"})
+    rows.push_back(row_of(preset, "erpt", {{"preset", preset}}));
+  return rows;
+}
+
+void print_mutations(const std::string& scene, const Row& row) {
+  for (const chains::MutationCounts& m : row.by_mutation) {
+    if (m.proposed == 0) continue;
+    const auto n = static_cast<double>(m.proposed);
+    std::printf("%-12s %-12s %-14s %10llu proposed, accepted %.3f, rays %.1f, failed", scene.c_str(),
+                row.name.c_str(), m.name.c_str(), static_cast<unsigned long long>(m.proposed),
+                static_cast<double>(m.accepted) / n, static_cast<double>(m.rays) / n);
+    for (std::size_t i = 0; i < chains::kMutationFailures.size(); ++i)
+      std::printf(" %s %.3f", std::string(chains::kMutationFailures[i]).c_str(),
+                  static_cast<double>(m.failed[i]) / n);
+    std::printf("\n");
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   const std::string usage =
-      "usage: bench_chains SHARED [--scenes A,B] [--seeds N] [--rounds N] [--set k=v]\n";
+      "usage: bench_chains SHARED [--scenes A,B] [--methods A,B] [--seeds N] [--rounds N] [--set k=v]\n";
   if (argc < 2 || argc % 2 != 0) {
     std::fputs(usage.c_str(), stderr);
     return 2;
   }
   const std::string folder = argv[1];
-  std::vector<std::string> scenes = {"veach-bidir", "veach-ajar"};
+  std::vector<std::string> scenes = {"veach-bidir", "veach-ajar"}, methods;
   std::uint64_t seeds = 3, rounds = 1;
   SettingsMap chosen;
   for (int i = 2; i + 1 < argc; i += 2) {
     const std::string option = argv[i], value = argv[i + 1];
-    if (option == "--scenes") {
-      scenes.clear();
+    if (option == "--scenes" || option == "--methods") {
+      std::vector<std::string>& list = option == "--scenes" ? scenes : methods;
+      list.clear();
       std::istringstream in(value);
-      for (std::string part; std::getline(in, part, ',');) scenes.push_back(part);
+      for (std::string part; std::getline(in, part, ',');) list.push_back(part);
     } else if (option == "--seeds") {
       seeds = bench::count_argument(option, argv[i + 1], 1, 1e6);
     } else if (option == "--rounds") {
@@ -166,20 +197,21 @@ int main(int argc, char** argv) {
       return 2;
     }
     std::vector<Row> rows;
-    rows.push_back(row_of("path", "path", {}));
-    rows.push_back(row_of("bdpt", "bdpt", {}));
-    rows.push_back(row_of("pssmlt path", "pssmlt", {{"over", "path"}}));
-    rows.push_back(row_of("pssmlt bdpt", "pssmlt", {{"over", "bdpt"}}));
-    rows.push_back(row_of("mmlt", "mmlt", {}));
+    for (const Row& row : all_rows())
+      if (methods.empty() || std::find(methods.begin(), methods.end(), row.name) != methods.end())
+        rows.push_back(row);
     for (std::uint64_t seed = 1; seed <= seeds; ++seed)
       for (Row& row : rows) {
         TestScene scene = scene_from_shared(name, truth->width, truth->height);
         const bool chained = test::has_chains(row.integrator);
+        const bool taken = chained || row.integrator == "erpt";
         SettingsMap settings = row.settings;
-        if (chained)
+        if (taken)
           for (const auto& [key, value] : chosen) settings[key] = value;
         scene = with_integrator(scene, row.integrator, settings);
-        const Sample sample = chained ? run_chains(row, scene, seed, rounds) : run_iterations(scene, seed, 8);
+        const Sample sample =
+            chained ? run_chains(row, scene, seed, rounds)
+                    : run_iterations(scene, seed, row.integrator == "erpt" ? rounds : 8 * rounds);
         const auto error = stats::compare(sample.image, truth->rgb, truth->width, truth->height);
         row.rates.push_back(sample.count / sample.rate_seconds * 1e-6);
         row.efficiencies.push_back(error.relmse * sample.seconds);
@@ -191,6 +223,7 @@ int main(int argc, char** argv) {
       std::printf("%-12s %-12s %9.3f %12.4f (%7.4f) %8.3f %8.3f %6.0f (%5zu)\n", name.c_str(),
                   row.name.c_str(), median(row.rates), median(row.efficiencies), median(row.trimmed),
                   row.acceptance, row.large_acceptance, row.mean_bytes, row.most_bytes);
+    for (const Row& row : rows) print_mutations(name, row);
     for (const Row& row : rows)
       for (const Pushed& p : row.pushed)
         std::printf(

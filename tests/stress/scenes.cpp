@@ -109,6 +109,14 @@ void add_adaptive(Sweep& sweep) {
   }
 }
 
+void add_path_states(Sweep& sweep) {
+  SettingsMap all{{"direct", "chain"}};
+  for (const char* mutation : {"bidirectional", "lens", "caustic", "multichain", "manifold", "half_vector"})
+    all[mutation] = "0.5";
+  sweep.claims.push_back({"mlt", all, 0});
+  sweep.claims.push_back({"erpt", all, 0});
+}
+
 std::vector<Quantity> uniform_quantities(std::uint32_t width, std::uint32_t height,
                                          std::optional<double> expected) {
   std::vector<Quantity> result = {{"image", 0, 0, width, height, expected, 1}};

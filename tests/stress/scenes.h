@@ -53,6 +53,9 @@ std::vector<std::string> everyone_but(const std::vector<std::string>& left_out);
 // Adds claims of those whose radii are decided between epochs, with epochs so short that a batch decides
 // several times. For hazards of what decides.
 void add_adaptive(Sweep& sweep);
+// Adds claims of those whose states are paths, with all mutations, and with no light left to path tracing but
+// that which the sensor sees. For hazards of vertices by name, of their densities, and of walks.
+void add_path_states(Sweep& sweep);
 
 // The parts of all_sweeps().
 std::vector<Sweep> path_sweeps();

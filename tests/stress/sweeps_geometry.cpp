@@ -58,6 +58,7 @@ Sweep offset() {
   sweep.thin = {10, 1e5, 1e9};
   sweep.shot = [](double value) { return still_life_shot(1, {0.8 * value, 0.36 * value, -0.48 * value}); };
   sweep.claims = claims_of(kEveryone);
+  add_path_states(sweep);
   add_adaptive(sweep);
   for (Claim& claim : sweep.claims)
     if (claim.integrator == "mmlt") claim.iterations = 2 * sweep.iterations;  // else some seeds say nothing

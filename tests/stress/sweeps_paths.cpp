@@ -29,6 +29,7 @@ Sweep path_length() {
     return shot;
   };
   sweep.claims = claims_of(kEveryone);
+  add_path_states(sweep);
   for (Claim& claim : sweep.claims)
     if (claim.integrator == "bdpt" || claim.integrator == "vcm") claim.iterations = 1;
   return sweep;
@@ -74,6 +75,7 @@ Sweep zero_throughput() {
     return shot;
   };
   sweep.claims = claims_of(kEveryone);
+  add_path_states(sweep);
   add_adaptive(sweep);
   return sweep;
 }

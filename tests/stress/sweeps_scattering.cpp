@@ -52,6 +52,7 @@ Sweep rough_mirror(bool ggx) {
         mirror_albedo(value, ggx));
   };
   sweep.claims = claims_of(kEveryone);
+  add_path_states(sweep);
   return sweep;
 }
 
@@ -75,6 +76,7 @@ Sweep rough_glass() {
         1);
   };
   sweep.claims = claims_of(kEveryone);
+  add_path_states(sweep);
   return sweep;
 }
 
@@ -138,6 +140,7 @@ Sweep grazing(bool glass) {
   } else {
     sweep.claims = claims_of(kEveryone);
   }
+  add_path_states(sweep);
   return sweep;
 }
 
@@ -163,6 +166,7 @@ Sweep critical_angle() {
   };
   sweep.claims = claims_of(everyone_but({"light"}));
   sweep.excuses = {{"light", "sees nothing through smooth glass"}};
+  add_path_states(sweep);
   return sweep;
 }
 

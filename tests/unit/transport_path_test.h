@@ -410,7 +410,7 @@ class PathTest {
       if (evaluation.closed_form() && !by_path_) {
         auto value = evaluation.estimator_value(techniques[i]);
         // connect() divides by the share of pairs in media that are connected.
-        const std::vector<bool>& in_medium = evaluation.numbers().in_medium;
+        const auto& in_medium = evaluation.numbers().in_medium;
         if (kind == Technique::Kind::connect && in_medium[s - 1] && in_medium[s])
           for (double& v : value) v /= counts.connect_media;
         const bool from_eye = kind != Technique::Kind::light_image && kind != Technique::Kind::hit_lens;

@@ -31,7 +31,7 @@ IntegratorEntry integrator_entry(std::string_view name,
           +[] { return write_settings(Settings{}).docs; },
           +[](const Effort& effort) -> SettingsMap {
             if constexpr (requires(Settings s) { s.chains.bootstrap; })
-              return chain_jobs::settings_of_effort(effort);
+              return chain_jobs::settings_of_effort(effort, Settings{}.chains);
             else
               return {};
           },

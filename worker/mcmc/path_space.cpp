@@ -19,8 +19,9 @@ constexpr std::uint64_t kPathSpace = 0x70617468;  // "path"
 
 static_assert(kMutationFailures == chains::kMutationFailures.size() + 1, "a cause has no name");
 
-MutatorContext counting(MutatorContext context, std::uint64_t& rays) {
+MutatorContext noting(MutatorContext context, std::uint64_t& rays, transport::path::FoundSurfaces& found) {
   context.rays = &rays;
+  context.found = &found;
   return context;
 }
 
@@ -32,9 +33,9 @@ rng::Stream stream_of(std::uint64_t key, Purpose purpose) {
 
 PathSpace::PathSpace(const MutatorContext& context, std::span<const MutatorShare> shares,
                      const transport::PathLetters* letters)
-    : context_(counting(context, rays_)),
+    : context_(noting(context, rays_, found_)),
       letters_(letters),
-      rules_(context.rules()),
+      rules_(context_.rules()),
       lengths_(context.min_edges, std::max(context.min_edges, context.max_edges)),
       subpaths_(context_) {
   for (const MutatorShare& share : shares) {
@@ -79,7 +80,7 @@ std::optional<double> PathSpace::log_pdf_area(const PathState& path) const {
 }
 
 std::optional<PathSpace::State> PathSpace::state(Path path, const PathState* near) const {
-  auto found = path_state(context_.scene, std::move(path), rules_, near);
+  auto found = path_state(context_.scene, std::move(path), rules_, near, &found_);
   if (!found) return std::nullopt;
   State out;
   out.path = *std::move(found);
@@ -107,12 +108,14 @@ void PathSpace::put(const State& state, SplatList& out) const {
 
 void PathSpace::start(std::uint64_t key, SplatList& out) {
   out.clear();
+  found_.clear();
   present_ = independent(key);
   if (present_) put(*present_, out);
 }
 
 double PathSpace::propose(const Mutation& mutation, SplatList& out) {
   out.clear();
+  found_.clear();
   proposal_.reset();
   double ratio = 1;
   if (mutation.large) {
@@ -189,6 +192,7 @@ std::string PathSpace::save() const {
 
 Result<void> PathSpace::restore(std::string_view bytes, SplatList& out) {
   out.clear();
+  found_.clear();
   CANDELA_ASSIGN(Path path, transport::path::path_from_bytes(bytes));
   const std::size_t edges = path.edge_count();
   if (edges < context_.min_edges || edges > context_.max_edges ||

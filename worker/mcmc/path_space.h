@@ -74,7 +74,8 @@ class PathSpace final : public StateSpace {
   double quotient(const State& from, const PathMutator& mutator, rng::Stream& draws, MutationFailure& why);
   void put(const State& state, SplatList& out) const;
 
-  std::uint64_t rays_ = 0;  // of all that was done so far
+  std::uint64_t rays_ = 0;                // of all that was done so far
+  transport::path::FoundSurfaces found_;  // of the path that is being made
   const MutatorContext context_;
   const transport::PathLetters* const letters_;
   transport::path::Rules rules_;

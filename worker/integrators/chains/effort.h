@@ -3,6 +3,7 @@
 #pragma once
 
 #include "common/job/effort.h"
+#include "worker/integrators/chains/settings.h"
 
 namespace candela::integrators::chain_jobs {
 
@@ -11,6 +12,7 @@ namespace candela::integrators::chain_jobs {
 // each hundred samples of it, a tenth of the default numbers of chains at least; the bootstrap is never fewer
 // than kOfEachChain samples for each chain.
 inline constexpr std::uint64_t kOfEachChain = 4;
-SettingsMap settings_of_effort(const Effort& effort);
+// defaults: the integrator's; its ratio of direct_samples to mutations is kept.
+SettingsMap settings_of_effort(const Effort& effort, const ChainSettings& defaults);
 
 }  // namespace candela::integrators::chain_jobs

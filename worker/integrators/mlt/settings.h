@@ -39,7 +39,12 @@ struct MltSettings {
   MutatorSettings mutations;
   ChainRegulariseSettings regularise;
 
-  MltSettings() { chains.direct.value = "path"; }
+  // Mutations find light that is rare, large steps do not; and paths of two edges have little noise.
+  MltSettings() {
+    chains.direct.value = "path";
+    chains.large_step = 0.05;
+    chains.direct_samples = 4;
+  }
 
   template <class Visitor>
   void fields(Visitor& visit) {

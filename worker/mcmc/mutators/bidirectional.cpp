@@ -59,29 +59,39 @@ struct BidirectionalMutator::Ranges final : Memo {
   double sum = 0;
 };
 
+// visit(kept, number of deleted vertices) of each range, until it returns true. True: it did.
+template <class Visit>
+bool BidirectionalMutator::any_range(const transport::path::Path& path, const Visit& visit) const {
+  const std::vector<PathVertex>& v = path.vertices;
+  const std::size_t count = v.size();
+  for (std::size_t light = 0; light < count; ++light) {
+    if (light > 0 && (v[light - 1].delta || v[light - 1].mollified)) continue;
+    // x_m, the first vertex that is kept behind, is never the light; count: none is kept.
+    for (std::size_t m = std::max<std::size_t>(light, 1); m <= std::min(count, light + kMaxDeleted); ++m) {
+      if (m < count && (v[m].delta || v[m].mollified)) continue;
+      const Subpaths::Kept kept{light, count - m};
+      if (any_addition(kept, m - light) && visit(kept, m - light)) return true;
+    }
+  }
+  return false;
+}
+
 const BidirectionalMutator::Ranges& BidirectionalMutator::ranges(const PathState& from) const {
   return from.memo<Ranges>(this, [&] {
     auto made = std::make_unique<Ranges>();
     made->all.reserve(16);
-    const std::vector<PathVertex>& v = from.path.vertices;
-    const std::size_t count = v.size();
-    for (std::size_t light = 0; light < count; ++light) {
-      if (light > 0 && (v[light - 1].delta || v[light - 1].mollified)) continue;
-      // x_m, the first vertex that is kept behind, is never the light; count: none is kept.
-      for (std::size_t m = std::max<std::size_t>(light, 1); m <= std::min(count, light + kMaxDeleted); ++m) {
-        if (m < count && (v[m].delta || v[m].mollified)) continue;
-        const Range range{{light, count - m}, weight_of_deletion(m - light)};
-        if (!any_addition(range.kept, m - light)) continue;
-        made->all.push_back(range);
-        made->sum += range.weight;
-      }
-    }
+    any_range(from.path, [&](const Subpaths::Kept& kept, std::size_t deleted) {
+      made->all.push_back({kept, weight_of_deletion(deleted)});
+      made->sum += made->all.back().weight;
+      return false;
+    });
     return made;
   });
 }
 
+// Most states are proposals of other mutations, whose ranges nobody asks for.
 double BidirectionalMutator::suitability(const PathState& from) const {
-  return ranges(from).all.empty() ? 0 : 1;
+  return any_range(from.path, [](const Subpaths::Kept&, std::size_t) { return true; }) ? 1 : 0;
 }
 
 Proposal BidirectionalMutator::propose(const PathState& from, rng::Stream& stream) const {

@@ -35,6 +35,8 @@ class BidirectionalMutator final : public PathMutator {
   };
   struct Ranges;
   const Ranges& ranges(const PathState& from) const;
+  template <class Visit>
+  bool any_range(const transport::path::Path& path, const Visit& visit) const;
   // True if `a` vertices may take the place of `deleted` ones; and if there is such a number.
   bool can_add(const Subpaths::Kept& kept, std::size_t deleted, std::size_t a) const;
   bool any_addition(const Subpaths::Kept& kept, std::size_t deleted) const;

@@ -44,8 +44,7 @@ Proposal CausticMutator::propose(const PathState& from, rng::Stream& stream) con
   const Vec3d direction =
       turned(from.assembled().edges[*begin].direction, angle, 2 * std::numbers::pi * stream.next_double());
   path::Path path = from.path;
-  if (!Tracer(context_.scene, from, context_.rays)
-           .trace(*begin, direction, path, *begin + 1, path.edge_count() - 1))
+  if (!Tracer(context_, from).trace(*begin, direction, path, *begin + 1, path.edge_count() - 1))
     return MutationFailure::no_path;
   return path;
 }
@@ -60,8 +59,7 @@ std::optional<double> CausticMutator::log_pdf_area(const PathState& from, const 
   if (!turn) return std::nullopt;
   const double sum = *turn + log_area_towards_sensor(to, *begin, k - 1) +
                      log_turns_towards_sensor(context_.scene, to, *begin, k - 1);
-  if (!std::isfinite(sum) ||
-      !Tracer(context_.scene, from, context_.rays).stops_at(to, *begin, *begin + 1, k - 1))
+  if (!std::isfinite(sum) || !Tracer(context_, from).stops_at(to, *begin, *begin + 1, k - 1))
     return std::nullopt;
   return sum;
 }

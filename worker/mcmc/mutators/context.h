@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "worker/scene/scene.h"
+#include "worker/transport/path/found_surfaces.h"
 #include "worker/transport/path/full_path.h"
 
 namespace candela::mcmc {
@@ -18,6 +19,9 @@ struct MutatorContext {
   double bandwidth = 0;  // of mollified vertices; 0: no path has one
   // Counts the rays that proposals and evaluations of paths take; null: nobody does. Not for two threads.
   std::uint64_t* rays = nullptr;
+
+  // Gets the surfaces that proposals meet, for the evaluation of the path; null: nobody asks.
+  transport::path::FoundSurfaces* found = nullptr;
 
   double domain_area() const {  // pixels^2
     const double border = 2 * static_cast<double>(film_border);

@@ -48,7 +48,7 @@ Proposal LensMutator::propose(const PathState& from, rng::Stream& stream) const 
   if (!on_film(context_, x, y)) return MutationFailure::dark;
 
   path::Path path = from.path;
-  const Tracer tracer(context_.scene, from, context_.rays);
+  const Tracer tracer(context_, from);
   const auto chain_end = [&](std::size_t i) {
     while (i > *end && path.vertices[i].delta) --i;
     return i;
@@ -81,8 +81,7 @@ std::optional<double> LensMutator::log_pdf_area(const PathState& from, const Pat
     if (!turn) return std::nullopt;
     sum += *turn;
   }
-  if (!std::isfinite(sum) || !Tracer(context_.scene, from, context_.rays).stops_at(to, k, k - 1, *end))
-    return std::nullopt;
+  if (!std::isfinite(sum) || !Tracer(context_, from).stops_at(to, k, k - 1, *end)) return std::nullopt;
   return sum;
 }
 

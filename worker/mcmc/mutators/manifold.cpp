@@ -130,7 +130,7 @@ double ManifoldMutator::angle_scale(const PathState& from, const Choice& choice)
 
 bool ManifoldMutator::trace(const PathState& from, const Choice& choice, rng::Stream& stream,
                             path::Path& path) const {
-  const Tracer tracer(context_.scene, from, context_.rays);
+  const Tracer tracer(context_, from);
   const double scale = draw_scale(stream), u = stream.next_double(), v = stream.next_double();
   if (choice.a == path.edge_count()) {
     const Pair offset = normal_pair(u, v) * (step_ * scale);
@@ -207,8 +207,7 @@ std::optional<double> ManifoldMutator::log_pdf_area(const PathState& from, const
     sum += *walked;
   }
   const std::size_t first = choice.from_sensor() ? choice.a - 1 : choice.a + 1;
-  if (!std::isfinite(sum) ||
-      !Tracer(context_.scene, from, context_.rays).stops_at(to, choice.a, first, choice.b))
+  if (!std::isfinite(sum) || !Tracer(context_, from).stops_at(to, choice.a, first, choice.b))
     return std::nullopt;
   return sum;
 }

@@ -7,11 +7,12 @@
 namespace candela::mcmc {
 
 std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
-                                    const transport::path::Rules& rules, const PathState* near) {
+                                    const transport::path::Rules& rules, const PathState* near,
+                                    const transport::path::FoundSurfaces* met) {
   PathState out;
   transport::path::SharedVertices shared;
   if (near != nullptr) shared = transport::path::shared_vertices(near->assembled(), near->path, path);
-  auto assembled = transport::path::assemble(scene, path, rules.film_border, shared);
+  auto assembled = transport::path::assemble(scene, path, rules.film_border, shared, met);
   if (!assembled) return std::nullopt;
   const bool mollified =
       std::ranges::any_of(path.vertices, [](const auto& vertex) { return vertex.mollified; });

@@ -42,13 +42,15 @@ class PathState {
       if (of == owner) return static_cast<const T&>(*kept);
     std::unique_ptr<T> made = make();
     const T& result = *made;
+    if (stands_on_->memos.capacity() == 0) stands_on_->memos.reserve(kUsualMemos);
     stands_on_->memos.emplace_back(owner, std::move(made));
     return result;
   }
 
  private:
   friend std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
-                                             const transport::path::Rules& rules, const PathState* near);
+                                             const transport::path::Rules& rules, const PathState* near,
+                                             const transport::path::FoundSurfaces* found);
   struct StandsOn {
     StandsOn(const scene::Scene& scene, transport::path::Assembled whole, const transport::path::Rules& rules,
              const transport::path::SharedEnds& shared)
@@ -60,14 +62,15 @@ class PathState {
     transport::path::Evaluation evaluation;
     std::vector<std::pair<const void*, std::unique_ptr<Memo>>> memos;
   };
+  static constexpr std::size_t kUsualMemos = 4;
   std::shared_ptr<StandsOn> stands_on_;
 };
 
 // Nothing: the path carries no light, or it leaves the film. film_border: pixels around the film that count
 // as on it. near: a state of the same scene and rules, as the one that was mutated; what follows from
-// vertices that both have is copied from it. The result is the same to the bit.
+// vertices that both have is copied from it. The result is the same to the bit. found: as of assemble().
 std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
-                                    const transport::path::Rules& rules = {},
-                                    const PathState* near = nullptr);
+                                    const transport::path::Rules& rules = {}, const PathState* near = nullptr,
+                                    const transport::path::FoundSurfaces* found = nullptr);
 
 }  // namespace candela::mcmc

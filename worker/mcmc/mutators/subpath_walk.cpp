@@ -75,10 +75,11 @@ PathVertex sensor_vertex(Vec2 u_lens) {
   return sensor;
 }
 
-void SubpathWalk::start_at(const PathVertex& vertex, const scene::SurfaceHit& hit, Vec3 wo) {
+void SubpathWalk::start_at(const PathVertex& vertex, const scene::SurfaceHit& hit, Vec3d place, Vec3 wo) {
   vertex_ = vertex;
   hit_ = hit;
   wo_ = wo;
+  place_ = place;
   kept_ = true;
   sampled_ = false;
 }
@@ -146,7 +147,7 @@ bool SubpathWalk::leave(PathVertex& vertex) {
   direction_ = hit_.shading.to_world(next_.wi);
   vertex.delta = next_.delta;
   vertex.transmitted = next_.delta && dot(direction_, hit_.ng) * dot(wo_, hit_.ng) < 0;
-  origin_ = scene_.points().at(vertex_.point).p;
+  origin_ = place_ ? *place_ : scene_.points().at(vertex_.point).p;
   ray_ = spawn_ray(hit_, direction_);
   return true;
 }
@@ -168,13 +169,24 @@ bool SubpathWalk::meets_lens(bool found) {
   }();
 }
 
+void SubpathWalk::set_met(const scene::CanonicalPoint& point) {
+  if (context_.found == nullptr) {
+    hit_ = scene_.points().hit(point);
+    place_.reset();
+    return;
+  }
+  const transport::path::FoundSurface& found = context_.found->add(scene_, point);
+  hit_ = found.hit;
+  place_ = found.place;
+}
+
 SubpathWalk::Arrival SubpathWalk::arrive(bool lens) {
   const bool straight = scene_.features().any_straight;
   const Vec3d line = normalize(Vec3d(direction_));
   for (std::uint32_t passes = 0; passes < transport::kMostPasses; ++passes) {
     const auto point = scene_.points().intersect(ray_, origin_, line);
     if (context_.rays != nullptr) ++*context_.rays;
-    if (point) hit_ = scene_.points().hit(*point);
+    if (point) set_met(*point);
     if (point && from_point_ && scene::goes_through(hit_, Vec3(origin_))) {
       ray_ = spawn_ray(hit_, direction_);
       continue;

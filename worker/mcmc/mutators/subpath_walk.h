@@ -22,8 +22,10 @@ class SubpathWalk {
   SubpathWalk(const MutatorContext& context, scene::TransportMode mode, rng::Stream& stream)
       : context_(context), scene_(context.scene), mode_(mode), stream_(stream) {}
 
-  // At a vertex on a surface that came from `wo` (unit). The path must not turn there by a delta lobe.
-  void start_at(const transport::path::PathVertex& vertex, const scene::SurfaceHit& hit, Vec3 wo);
+  // At a vertex on a surface, at `place`, that came from `wo` (unit). The path must not turn there by a delta
+  // lobe.
+  void start_at(const transport::path::PathVertex& vertex, const scene::SurfaceHit& hit, Vec3d place,
+                Vec3 wo);
   // At the sensor: `vertex` becomes that.
   void start_at_sensor(transport::path::PathVertex& vertex);
   // At a light that emission chooses: `vertex` becomes that. False: there is no light by this choice.
@@ -40,6 +42,7 @@ class SubpathWalk {
 
  private:
   void sample();
+  void set_met(const scene::CanonicalPoint& point);
   bool meets_lens(bool found);
 
   const MutatorContext& context_;
@@ -49,6 +52,7 @@ class SubpathWalk {
 
   transport::path::PathVertex vertex_;
   scene::SurfaceHit hit_;
+  std::optional<Vec3d> place_;  // of vertex_; nothing: nobody asked yet
   Vec3 wo_;
   bool kept_ = false;                        // the vertex was there before
   bool sampled_ = false, scatters_ = false;  // what follows is set; it is of use

@@ -25,36 +25,30 @@ constexpr char kDensities = 0;
 
 constexpr double kNever = -std::numeric_limits<double>::infinity();
 
-double log_of(double density) {
-  return density > 0 ? math::log(density) : kNever;
-}
 // A density that a double cannot hold counts as none.
-double log_of(const path::Scaled& density) {
-  const double value = density.value();
-  return std::isfinite(value) ? log_of(value) : kNever;
+path::Scaled held(const path::Scaled& density) {
+  return density.holds() ? density : path::Scaled();
 }
 
-// Sums over ranges of logs, some of which are minus infinity.
-class RangeSums {
+// Products over ranges of densities, some of which are zero.
+class RangeProducts {
  public:
-  explicit RangeSums(std::size_t count) {
-    sums_.reserve(count + 1);
-    nevers_.reserve(count + 1);
-    sums_.push_back(0);
-    nevers_.push_back(0);
+  RangeProducts() {
+    products_.push_back(1);
+    zeros_.push_back(0);
   }
-  void push(double log_value) {
-    const bool never = !(log_value > kNever);
-    sums_.push_back(sums_.back() + (never ? 0 : log_value));
-    nevers_.push_back(nevers_.back() + (never ? 1 : 0));
+  void push(const path::Scaled& density) {
+    const path::Scaled kept = held(density);
+    products_.push_back(kept.is_zero() ? products_.back() : products_.back() * kept);
+    zeros_.push_back(zeros_.back() + (kept.is_zero() ? 1 : 0));
   }
-  double sum(std::size_t begin, std::size_t end) const {
-    return nevers_[end] > nevers_[begin] ? kNever : sums_[end] - sums_[begin];
+  path::Scaled product(std::size_t begin, std::size_t end) const {
+    return zeros_[end] > zeros_[begin] ? path::Scaled() : products_[end] / products_[begin];
   }
 
  private:
-  std::vector<double> sums_;
-  std::vector<std::uint32_t> nevers_;
+  path::PathVector<path::Scaled> products_;
+  path::PathVector<std::uint32_t> zeros_;
 };
 
 // A vertex that next event estimation chooses at `hit`, which the eye's walk sees from `wo`.
@@ -144,11 +138,13 @@ Proposal Subpaths::make(const PathState* from, const Kept& kept, std::size_t add
   std::vector<PathVertex> by_light, by_eye;  // from their ends on
   // The last vertex on the eye's side.
   scene::SurfaceHit eye_hit;
+  Vec3d eye_place;
   Vec3 eye_wo;
   if (kept.eye >= 2) {
     const std::size_t m = from_count - kept.eye;
     if (m > 0 && from->path.vertices[m].kind == Kind::surface) {
       eye_hit = from->assembled().path.inner[m - 1].hit;
+      eye_place = from->assembled().places[m];
       eye_wo = from->assembled().path.along[m];
     }
   }
@@ -156,7 +152,7 @@ Proposal Subpaths::make(const PathState* from, const Kept& kept, std::size_t add
     SubpathWalk walk(context_, TransportMode::radiance, stream);
     PathVertex sensor;
     if (kept.eye > 0) {
-      walk.start_at(from->path.vertices[from_count - kept.eye], eye_hit, eye_wo);
+      walk.start_at(from->path.vertices[from_count - kept.eye], eye_hit, eye_place, eye_wo);
     } else if (t == 1) {
       by_eye.push_back(sensor_vertex(draw_lens(scene, stream)));
     } else {
@@ -188,7 +184,7 @@ Proposal Subpaths::make(const PathState* from, const Kept& kept, std::size_t add
     if (kept.light > 0) {
       const std::size_t l = kept.light - 1;
       walk.start_at(from->path.vertices[l], from->assembled().path.inner[l - 1].hit,
-                    -from->assembled().path.along[l - 1]);
+                    from->assembled().places[l], -from->assembled().path.along[l - 1]);
     } else if (s == 1) {
       const auto light = light_seen(scene, eye_hit, eye_wo, stream);
       if (!light) return MutationFailure::no_path;
@@ -272,21 +268,19 @@ void Subpaths::choose_way(Path& path, const Kept& kept, std::size_t joint, rng::
     path.vertices[joint].mollified = true;
 }
 
-double Subpaths::log_prob_way(const PathState& state, const Kept& kept, std::size_t joint) const {
+double Subpaths::prob_way(const PathState& state, const Kept& kept, std::size_t joint) const {
   if (state.mollified) {
     const std::size_t m = state.mollified->vertex;
     const bool made = m >= kept.light && m < state.path.vertices.size() - kept.eye;
-    if (made && joint != state.mollified->technique()) return kNever;
+    if (made && joint != state.mollified->technique()) return 0;
   }
-  const std::uint32_t count = ways(state.path, state.assembled(), kept, joint).count();
-  return count > 1 ? -math::log(static_cast<double>(count)) : 0;
+  return 1 / static_cast<double>(std::max(ways(state.path, state.assembled(), kept, joint).count(), 1U));
 }
 
-// Logs of what walks do at each vertex of a path. Index i: vertex x_i.
+// What walks do at each vertex of a path. Index i: vertex x_i.
 struct Subpaths::Densities final : Memo {
-  explicit Densities(std::size_t vertices) : light(vertices), eye(vertices) {}
-  RangeSums light, eye;  // of steps that arrive at x_i, and of the ends themselves
-  double light_direct = kNever, light_prob = kNever;
+  RangeProducts light, eye;  // of steps that arrive at x_i, and of the ends themselves
+  path::Scaled light_direct, light_prob;
   std::vector<double> stay_light, stay_eye;  // at x_i, where the walk ends; empty: nothing passes straight
 };
 
@@ -295,55 +289,56 @@ const Subpaths::Densities& Subpaths::densities(const PathState& state) const {
     const path::Evaluation& evaluation = state.evaluation();
     const path::PathNumbers& n = evaluation.numbers();
     const std::size_t k = n.edges;
-    auto made = std::make_unique<Densities>(k + 1);
-    made->light_direct = log_of(n.light_direct);
-    made->light_prob = log_of(n.light_prob);
-    made->light.push(0);
-    for (std::size_t i = 1; i < k; ++i) made->light.push(log_of(evaluation.step_density(true, i)));
-    made->light.push(n.lens_can_be_hit ? log_of(evaluation.step_density(true, k)) : kNever);
-    made->eye.push(n.light_can_be_hit ? log_of(evaluation.step_density(false, 0)) : kNever);
-    for (std::size_t i = 1; i < k; ++i) made->eye.push(log_of(evaluation.step_density(false, i)));
-    made->eye.push(log_of(n.lens_prob));
+    auto made = std::make_unique<Densities>();
+    made->light_direct = held(n.light_direct);
+    made->light_prob = held(n.light_prob);
+    made->light.push(1);
+    for (std::size_t i = 1; i < k; ++i) made->light.push(evaluation.step_density(true, i));
+    made->light.push(n.lens_can_be_hit ? evaluation.step_density(true, k) : path::Scaled());
+    made->eye.push(n.light_can_be_hit ? evaluation.step_density(false, 0) : path::Scaled());
+    for (std::size_t i = 1; i < k; ++i) made->eye.push(evaluation.step_density(false, i));
+    made->eye.push(n.lens_prob);
     if (context_.scene.features().any_straight) {
-      made->stay_light.assign(k + 1, 0);
-      made->stay_eye.assign(k + 1, 0);
-      for (std::size_t i = 1; i < k; ++i) made->stay_light[i] = log_of(evaluation.prob_stay(true, i));
+      made->stay_light.assign(k + 1, 1);
+      made->stay_eye.assign(k + 1, 1);
+      for (std::size_t i = 1; i < k; ++i) made->stay_light[i] = evaluation.prob_stay(true, i);
       const bool on_surface = state.path.vertices.front().kind == Kind::surface_light;
-      for (std::size_t i = on_surface ? 0 : 1; i < k; ++i)
-        made->stay_eye[i] = log_of(evaluation.prob_stay(false, i));
+      for (std::size_t i = on_surface ? 0 : 1; i < k; ++i) made->stay_eye[i] = evaluation.prob_stay(false, i);
     }
     return made;
   });
 }
 
-double Subpaths::log_pdf_area(const PathState& state, const Kept& kept, std::size_t s) const {
+path::Scaled Subpaths::pdf_area(const PathState& state, const Kept& kept, std::size_t s) const {
   const std::vector<PathVertex>& v = state.path.vertices;
   const std::size_t count = v.size(), end = count - kept.eye;
   const std::size_t joint = kept.light + s;  // the first vertex on the eye's side
   const bool joins = joint > 0 && joint < count;
-  if (joins && (v[joint - 1].delta || v[joint].delta)) return kNever;
+  if (joins && (v[joint - 1].delta || v[joint].delta)) return {};
   const Densities& d = densities(state);
-  double log_density = d.light.sum(kept.light, joint) + d.eye.sum(joint, end);
-  if (kept.light == 0 && s > 0) log_density += s == 1 ? d.light_direct : d.light_prob;
+  path::Scaled density = d.light.product(kept.light, joint) * d.eye.product(joint, end);
+  if (kept.light == 0 && s > 0) density *= s == 1 ? d.light_direct : d.light_prob;
   // A walk stays at its last vertex, unless that is an end.
   const bool light_ends = joint > std::max<std::size_t>(kept.light, 1) && joint < count;
   const bool eye_ends = joint < end && joint + 1 < count;
-  if (joins && context_.bandwidth > 0) log_density += log_prob_way(state, kept, joint);
-  if (light_ends && !d.stay_light.empty()) log_density += d.stay_light[joint - 1];
-  if (eye_ends && !d.stay_eye.empty()) log_density += d.stay_eye[joint];
-  return log_density;
+  if (joins && context_.bandwidth > 0) density *= prob_way(state, kept, joint);
+  if (light_ends && !d.stay_light.empty()) density *= d.stay_light[joint - 1];
+  if (eye_ends && !d.stay_eye.empty()) density *= d.stay_eye[joint];
+  return density;
+}
+
+double Subpaths::log_pdf_area(const PathState& state, const Kept& kept, std::size_t s) const {
+  return pdf_area(state, kept, s).log();
 }
 
 std::optional<double> Subpaths::log_pdf_area(const PathState& state, const Kept& kept) const {
   const std::size_t count = state.path.vertices.size();
   if (count < kept.light + kept.eye) return std::nullopt;
   const Choices all = choices(kept, count - kept.light - kept.eye);
-  if (all.count == 0) return std::nullopt;
-  LogSum sum;
-  for (std::size_t s = all.first; s < all.first + all.count; ++s) sum.add(log_pdf_area(state, kept, s));
-  const auto total = sum.value();
-  if (!total) return std::nullopt;
-  return *total - math::log(static_cast<double>(all.count));
+  path::Scaled sum = 0;
+  for (std::size_t s = all.first; s < all.first + all.count; ++s) sum += pdf_area(state, kept, s);
+  if (sum.is_zero()) return std::nullopt;
+  return (sum / static_cast<double>(all.count)).log();
 }
 
 }  // namespace candela::mcmc

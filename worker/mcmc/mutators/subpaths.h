@@ -59,9 +59,10 @@ class Subpaths {
             std::size_t joint) const;
   void choose_way(transport::path::Path& path, const Kept& kept, std::size_t joint,
                   rng::Stream& stream) const;
-  // Log of the probability of the way of such a path.
-  double log_prob_way(const PathState& state, const Kept& kept, std::size_t joint) const;
+  // Probability of the way of such a path; 0: no way makes it.
+  double prob_way(const PathState& state, const Kept& kept, std::size_t joint) const;
   struct Densities;
+  transport::path::Scaled pdf_area(const PathState& path, const Kept& kept, std::size_t s) const;
   const Densities& densities(const PathState& path) const;
 
   const MutatorContext context_;

@@ -94,7 +94,8 @@ double film_distance(const PathState& a, const PathState& b) {
 }
 
 LogStep film_step(const MutatorContext& context) {
-  constexpr double kMin = 0.1, kShare = 0.05;
+  // [Veach 1997] has 0.1 pixels: half of the steps then stay within a pixel, which moves no light.
+  constexpr double kMin = 1, kShare = 0.05;
   const double radius = std::sqrt(kShare * context.film_width * context.film_height / std::numbers::pi);
   return {kMin, std::max(4 * kMin, radius)};
 }
@@ -160,12 +161,18 @@ std::uint32_t Tracer::bsdf_of(std::size_t i) const {
   return i == 0 ? full.light.bsdf : full.inner[i - 1].hit.bsdf;
 }
 
+scene::SurfaceHit Tracer::hit_at(const scene::CanonicalPoint& point) const {
+  if (context_.found == nullptr) return scene_.points().hit(point);
+  const path::FoundSurface* found = context_.found->find(point);
+  return found != nullptr ? found->hit : context_.found->add(scene_, point).hit;
+}
+
 Tracer::Beam Tracer::leave(const path::PathVertex& vertex, Vec3d direction) const {
   Beam beam;
   beam.direction = direction;
   if (path::is_on_surface(vertex.kind)) {
     const scene::SurfaceGeometry at = scene_.points().at(vertex.point);
-    const auto error = static_cast<double>(scene_.points().hit(vertex.point).error);
+    const auto error = static_cast<double>(hit_at(vertex.point).error);
     beam.origin = at.p;
     beam.ray = {Vec3(at.p + at.ng * (dot(direction, at.ng) < 0 ? -error : error)), Vec3(direction)};
     return beam;
@@ -184,12 +191,12 @@ bool Tracer::meet(Beam& beam, std::size_t i, path::PathVertex& vertex) const {
   const Vec3 start(beam.origin);
   for (std::uint32_t passes = 0; passes < kMaxPasses; ++passes) {
     const auto point = scene_.points().intersect(beam.ray, beam.origin, beam.direction);
-    if (rays_ != nullptr) ++*rays_;
+    if (context_.rays != nullptr) ++*context_.rays;
     if (!point) {
       vertex.place = beam.direction;
       return leaves;
     }
-    beam.hit = scene_.points().hit(*point);
+    beam.hit = hit_at(*point);
     if (!(beam.in_space && goes_through(beam.hit, start))) {
       const bool copied = !leaves && beam.hit.bsdf == bsdf;
       if (copied || !scene_.features().any_straight ||

@@ -44,7 +44,7 @@ bool on_film(const MutatorContext& context, double x, double y);
 // Between film positions, in pixels.
 double film_distance(const PathState& a, const PathState& b);
 
-// The steps of film positions: from a tenth of a pixel to a disk of 5 % of the film
+// The steps of film positions: from a pixel to the radius of a disk of 5 % of the film
 // [Veach 1997, Sec. 11.4.3.1].
 LogStep film_step(const MutatorContext& context);
 
@@ -67,10 +67,9 @@ double delta_index(const scene::Scene& scene, const PathState& state, std::size_
 
 class Tracer {
  public:
-  // All must outlive this. from: the path that stretches are copied from. rays: counts them; null: nobody
-  // does.
-  Tracer(const scene::Scene& scene, const PathState& from, std::uint64_t* rays = nullptr)
-      : scene_(scene), from_(from), rays_(rays) {}
+  // Both must outlive this. from: the path that stretches are copied from.
+  Tracer(const MutatorContext& context, const PathState& from)
+      : context_(context), scene_(context.scene), from_(from) {}
 
   // Makes vertices first, ..., last of `path` anew (in this order, either way) by a ray through the film
   // position, or one that leaves vertex `start` along `direction`. The ray turns by delta lobes at all of
@@ -90,10 +89,11 @@ class Tracer {
   bool meet(Beam& beam, std::size_t i, transport::path::PathVertex& vertex) const;
   bool turn(Beam& beam, const transport::path::PathVertex& vertex, bool towards_light) const;
   std::uint32_t bsdf_of(std::size_t i) const;
+  scene::SurfaceHit hit_at(const scene::CanonicalPoint& point) const;
 
+  const MutatorContext& context_;
   const scene::Scene& scene_;
   const PathState& from_;
-  std::uint64_t* rays_;
 };
 
 }  // namespace candela::mcmc

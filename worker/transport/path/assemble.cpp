@@ -8,14 +8,15 @@
 namespace candela::transport::path {
 namespace {
 
-Vec3d place_of(const scene::Scene& scene, const PathVertex& v) {
+Vec3d place_of(const scene::Scene& scene, const PathVertex& v, const FoundSurface* found) {
+  if (found != nullptr) return found->place;
   return is_on_surface(v.kind) ? scene.points().at(v.point).p : v.place;
 }
 
-InnerVertex inner_vertex(const scene::Scene& scene, const PathVertex& v) {
+InnerVertex inner_vertex(const scene::Scene& scene, const PathVertex& v, const FoundSurface* found) {
   InnerVertex inner;
   if (v.kind == Kind::surface) {
-    inner.hit = scene.points().hit(v.point);
+    inner.hit = found != nullptr ? found->hit : scene.points().hit(v.point);
     inner.delta = v.delta;
     return inner;
   }
@@ -80,7 +81,7 @@ SharedVertices shared_vertices(const Assembled& of, const Path& from, const Path
 }
 
 std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, float film_border,
-                                  const SharedVertices& shared) {
+                                  const SharedVertices& shared, const FoundSurfaces* found) {
   const std::size_t k = path.edge_count();
   Assembled out;
   out.edges.resize(k);
@@ -95,12 +96,15 @@ std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, f
   };
   for (std::size_t i = 0; i <= k; ++i) {
     const auto other = in_other(i, i);
-    out.places[i] = other ? shared.of->places[*other] : place_of(scene, path.vertices[i]);
+    const PathVertex& v = path.vertices[i];
+    const FoundSurface* met = nullptr;
+    if (!other && found != nullptr && is_on_surface(v.kind)) met = found->find(v.point);
+    out.places[i] = other ? shared.of->places[*other] : place_of(scene, v, met);
     if (i == 0 || i == k) continue;
     if (other)
       out.path.inner.push_back(shared.of->path.inner[*other - 1]);
     else
-      out.path.inner.push_back(inner_vertex(scene, path.vertices[i]));
+      out.path.inner.push_back(inner_vertex(scene, v, met));
   }
   for (std::size_t i = 1; i + 1 < k; ++i) {
     if (const auto other = in_other(i, i + 1)) {

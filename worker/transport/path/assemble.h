@@ -6,6 +6,7 @@
 
 #include "worker/scene/scene.h"
 #include "worker/transport/film_position.h"
+#include "worker/transport/path/found_surfaces.h"
 #include "worker/transport/path/full_path.h"
 #include "worker/transport/path/path.h"
 
@@ -16,8 +17,8 @@ bool exists(const scene::Scene& scene, const Path& path);
 
 struct Assembled {
   FullPath path;
-  std::vector<PathEdge> edges;
-  std::vector<Vec3d> places;  // of vertices on surfaces and in media
+  PathVector<PathEdge> edges;
+  PathVector<Vec3d> places;  // of vertices on surfaces and in media
   FilmPosition film;
 };
 
@@ -31,10 +32,11 @@ struct SharedVertices {
 SharedVertices shared_vertices(const Assembled& of, const Path& from, const Path& to);
 
 // film_border: as of Scene::sample_camera. shared: what follows from shared vertices alone is copied; the
-// result is the same to the bit. Nothing: an end cannot see its neighbor, whatever lies between them.
-// Precondition: the path is well-formed, and exists in the scene.
+// result is the same to the bit. found: surfaces of the path that were met already; null: none. Nothing: an
+// end cannot see its neighbor, whatever lies between them. Precondition: the path is well-formed, and exists
+// in the scene.
 std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, float film_border = 0,
-                                  const SharedVertices& shared = {});
+                                  const SharedVertices& shared = {}, const FoundSurfaces* found = nullptr);
 
 // The path's vertices by name: of a path that walks made. u_lens: where on the lens it ends. Nothing: a
 // surface of it is not found again.

@@ -101,6 +101,8 @@ class Evaluation {
   struct Edge {
     Stretches stretches;
     std::vector<Pass> passes;
+    // Nothing is on the way.
+    bool is_plain() const { return stretches.size() == 1 && stretches[0].medium == scene::kNone; }
   };
   struct Inner {
     std::array<double, 3> value{};              // rho_i
@@ -137,7 +139,7 @@ class Evaluation {
   bool valid_ = true, media_agree_ = true, closed_form_ = true;
   PathNumbers numbers_;
   std::vector<Edge> edges_;
-  std::vector<Inner> inner_;
+  PathVector<Inner> inner_;
   std::array<double, 3>
       emitted_{};          // radiance along the first edge; of a delta light as EmissionSample has it
   double importance_ = 0;  // of the last edge, its cosine at the lens included

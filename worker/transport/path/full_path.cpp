@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+
+#include "worker/core/math.h"
 
 namespace candela::transport::path {
 
@@ -17,8 +20,27 @@ bool operator<(const Scaled& a, const Scaled& b) {
   return a.exponent_ != b.exponent_ ? a.exponent_ < b.exponent_ : a.mantissa_ < b.mantissa_;
 }
 
+Scaled& Scaled::operator+=(const Scaled& other) {
+  if (other.is_zero()) return *this;
+  if (is_zero()) return *this = other;
+  const Scaled &large = exponent_ < other.exponent_ ? other : *this,
+               &small = exponent_ < other.exponent_ ? *this : other;
+  constexpr std::int64_t kFarApart = 64;  // beyond the last bit
+  const std::int64_t apart = large.exponent_ - small.exponent_, exponent = large.exponent_;
+  double sum = large.mantissa_;
+  if (apart < kFarApart) sum += std::ldexp(small.mantissa_, -static_cast<int>(apart));
+  mantissa_ = sum;
+  exponent_ = exponent;
+  normalize();
+  return *this;
+}
+
+double Scaled::log() const {
+  return math::log(mantissa_) + static_cast<double>(exponent_) * std::numbers::ln2;
+}
+
 double Scaled::value() const {
-  if (mantissa_ >= 1 && mantissa_ < 2 && exponent_ > -kBias && exponent_ <= kBias)
+  if (holds())
     return mantissa_ * std::bit_cast<double>(static_cast<std::uint64_t>(exponent_ + kBias) << kFractionBits);
   return std::ldexp(mantissa_, static_cast<int>(std::clamp<std::int64_t>(exponent_, -5000, 5000)));
 }

@@ -10,10 +10,15 @@
 #include <cstdint>
 #include <vector>
 
+#include "worker/core/inline_vector.h"
 #include "worker/scene/scene.h"
 #include "worker/transport/vertex.h"
 
 namespace candela::transport::path {
+
+// Values for vertices or edges of a path.
+template <class T>
+using PathVector = InlineVector<T, 12>;
 
 // mantissa * 2^exponent: products over a thousand vertices. Not negative.
 class Scaled {
@@ -35,8 +40,12 @@ class Scaled {
   friend Scaled operator/(Scaled a, const Scaled& b) { return a /= b; }
   friend bool operator<(const Scaled& a, const Scaled& b);
   bool is_zero() const { return mantissa_ == 0; }
+  Scaled& operator+=(const Scaled& other);
   // Zero or infinite where a double cannot hold it.
   double value() const;
+  // True if a double holds it, and it is not zero.
+  bool holds() const { return mantissa_ >= 1 && mantissa_ < 2 && exponent_ > -kBias && exponent_ <= kBias; }
+  double log() const;  // minus infinity of zero
 
  private:
   void normalize() {
@@ -90,14 +99,14 @@ struct PathNumbers {
   double light_prob = 0, light_direct = 0, lens_prob = 0, lens_connect = 0;
   // Densities per solid angle of the direction in which the light's walk leaves x_i (i < k), the eye's i > 0;
   // beyond an end point at infinity: of the place, per area across it. The eye's first counts all its paths.
-  std::vector<double> pdf_to_eye, pdf_to_light;
+  PathVector<double> pdf_to_eye, pdf_to_light;
   // Cosine or hazard at x_i for its edge towards the eye, and towards the light; 1 where there is none.
-  std::vector<double> factor_to_eye, factor_to_light;
-  std::vector<double> survival, distance_squared;  // of edges; distance 1 to infinity
-  std::vector<bool> delta, in_medium;              // of vertices
-  std::vector<std::uint32_t> medium;               // of vertices in one: its number; kNone on surfaces
+  PathVector<double> factor_to_eye, factor_to_light;
+  PathVector<double> survival, distance_squared;  // of edges; distance 1 to infinity
+  PathVector<std::uint8_t> delta, in_medium;      // of vertices: flags
+  PathVector<std::uint32_t> medium;               // of vertices in one: its number; kNone on surfaces
   // Vertices in media, if there are beams: the sine of the angle between their two edges; 0 elsewhere.
-  std::vector<double> beam_sine;
+  PathVector<double> beam_sine;
 
   double light_density(std::size_t i) const;  // P_i
   double eye_density(std::size_t i) const;    // Q_i

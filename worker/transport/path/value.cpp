@@ -47,11 +47,11 @@ std::array<Scaled, 3> Evaluation::contribution() const {
   for (std::size_t i = 0; i < numbers_.edges; ++i) {
     // The cosine at the end towards the eye is the bsdf's, or the lens'.
     const double leaving = numbers_.in_medium[i] ? 1 : numbers_.factor_to_eye[i];
-    const Channels passed = transmittance(edges_[i]);
+    Channels passed{1, 1, 1};
+    if (!edges_[i].is_plain()) passed = transmittance(edges_[i]);
     for (std::size_t c = 0; c < 3; ++c) {
-      f[c] *= passed[c];
-      f[c] *= leaving / numbers_.distance_squared[i];
-      if (i > 0) f[c] *= inner_[i - 1].value[c];
+      passed[c] *= leaving / numbers_.distance_squared[i];
+      f[c] *= i > 0 ? passed[c] * inner_[i - 1].value[c] : passed[c];
     }
   }
   return f;
@@ -90,11 +90,14 @@ Scaled Evaluation::fly(bool from_light, std::size_t i, Arrival arrival, bool exp
 Scaled Evaluation::step_density(bool from_light, std::size_t v) const {
   const PathNumbers& n = numbers_;
   const std::size_t before = from_light ? v - 1 : v + 1, edge = from_light ? v - 1 : v;
-  Scaled density;
+  double leaves = 0;
   if (before == (from_light ? 0 : n.edges))
-    density = from_light ? n.pdf_to_eye[0] : n.pdf_to_light[n.edges];
+    leaves = from_light ? n.pdf_to_eye[0] : n.pdf_to_light[n.edges];
   else
-    density = from_light ? inner_[before - 1].prob_to_eye : inner_[before - 1].prob_to_light;
+    leaves = from_light ? inner_[before - 1].prob_to_eye : inner_[before - 1].prob_to_light;
+  if (edges_[edge].is_plain() && !n.in_medium[v])
+    return leaves * (from_light ? n.factor_to_light[v] : n.factor_to_eye[v]) / n.distance_squared[edge];
+  Scaled density = leaves;
   const Arrival arrival = n.in_medium[v] ? Arrival::medium : v == n.edges ? Arrival::lens : Arrival::surface;
   Channels white{1, 1, 1};
   density *= fly(from_light, edge, arrival, false, white);
