@@ -11,7 +11,7 @@ def run_each(command, environment=None):
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     if done.returncode != 0:
         sys.exit(f"{os.path.basename(sys.argv[0])}: error: {' '.join(command)}: {done.stderr.strip()}")
-    return [json.loads(line) for line in done.stdout.splitlines()]
+    return [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]  # others are warnings
 
 
 def run(command):

@@ -146,7 +146,8 @@ TEST(FewPrimitives, AgreeWithBruteForce) {
         geometry.finish();
         const auto few = FewPrimitives::build(geometry);
         ASSERT_TRUE(few != nullptr && few->whole()) << scale << " " << triangles;
-        EXPECT_GT(expect_brute_force(geometry, scale, center * scale, s), triangles > 1 || round > 0 ? 200 : 0);
+        EXPECT_GT(expect_brute_force(geometry, scale, center * scale, s),
+                  triangles > 1 || round > 0 ? 200 : 0);
       }
 }
 
