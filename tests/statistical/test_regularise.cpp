@@ -99,7 +99,11 @@ TEST(RegularisedChains, MltAgreesWithBdpt) {
     const Estimator right =
         cached(make_estimator("bdpt", {{1.0, with_integrator(scene, "bdpt", of_both)}}, plan, regions));
     SettingsMap settings = of_both;
-    settings.insert({{"direct", "chain"}, {"chains", "64"}, {"bootstrap", "8192"}, {"mutations", "16"}});
+    settings.insert({{"direct", "chain"},
+                     {"chains", "64"},
+                     {"bootstrap", "8192"},
+                     {"mutations", "16"},
+                     {"large_step", "0.3"}});
     ChainJob job;
     job.scene = with_integrator(scene, "mlt", settings);
     job.rounds = long_form() ? 64 : 4;
