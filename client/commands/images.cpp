@@ -25,7 +25,7 @@ struct ConvertOptions {
   bool denoise = false;
 };
 
-constexpr std::uint64_t kMostFileBytes = std::uint64_t{1} << 36;
+constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 36;
 
 // All that the options say, checked before a file is read. No format: an EXR.
 struct ConvertChoice {
@@ -88,7 +88,7 @@ Result<ConvertChoice> choose(const ConvertOptions& options) {
 
 Result<image::MixedExr> mixed(Context& context, const std::string& path, const std::string& mix_file) {
   CANDELA_ASSIGN(const image::Mix mix, image::read_mix(mix_file));
-  CANDELA_ASSIGN(const std::string exr, read_file(path, kMostFileBytes));
+  CANDELA_ASSIGN(const std::string exr, read_file(path, kMaxFileBytes));
   auto result = image::mix_exr(exr, mix);
   if (!result.ok()) return std::move(result).error().at(path, 0);
   for (const std::string& layer : result->left_out)
@@ -121,7 +121,7 @@ Result<int> run_convert(Context& context, const ConvertOptions& options) {
       return 0;
     }
   } else if (options.denoise) {
-    CANDELA_ASSIGN(exr, read_file(options.input, kMostFileBytes));
+    CANDELA_ASSIGN(exr, read_file(options.input, kMaxFileBytes));
   }
   if (options.denoise) {
     CANDELA_ASSIGN(image::DenoisedExr result, denoised(context, options.input, exr));

@@ -146,7 +146,7 @@ Result<int> run_check(Context& context, const CheckOptions& options) {
     // The last error is told by the program.
     for (std::size_t i = 0; i + 1 < errors.size(); ++i)
       context.err << fmt::format("candela: error: {}\n", printable(errors[i].to_string()));
-    if (errors.size() == description::kMostErrors)
+    if (errors.size() == description::kMaxErrors)
       context.err << fmt::format("candela: note: there may be more than these {} errors\n", errors.size());
     return errors.back();
   }

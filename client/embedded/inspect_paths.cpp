@@ -32,7 +32,7 @@ struct PathsOptions {
 };
 
 constexpr std::uint64_t kMaxSpp = 1u << 30;
-constexpr std::uint64_t kMostRows = 256, kMaxKept = 65536;
+constexpr std::uint64_t kMaxRows = 256, kMaxKept = 65536;
 constexpr std::size_t kPathsInJson = 8;  // of a group
 
 Result<void> check_outputs(const PathsOptions& options) {
@@ -55,7 +55,7 @@ Result<PathsRequest> request_of(const PathsOptions& options) {
     request.from_light = from == "light";
   }
   if (options.rows) {
-    CANDELA_ASSIGN(request.rows, parse_count(*options.rows, "--clusters", 1, kMostRows));
+    CANDELA_ASSIGN(request.rows, parse_count(*options.rows, "--clusters", 1, kMaxRows));
   }
   if (options.keep) {
     CANDELA_ASSIGN(request.keep, parse_count(*options.keep, "--keep", 1, kMaxKept));

@@ -12,7 +12,7 @@
 namespace candela::client {
 namespace {
 
-constexpr unsigned kMostThreads = 1024;
+constexpr unsigned kMaxThreads = 1024;
 constexpr const char* kSpot = "spot";
 
 Result<inspect::Selection> selection_of(const InspectOptions& options, std::optional<letters::Region>& spot) {
@@ -85,7 +85,7 @@ Result<OpenedScene> open_for_inspection(Context& context, const InspectOptions& 
   OpenedScene opened;
   opened.threads = std::max(1U, std::thread::hardware_concurrency());
   if (options.threads) {
-    CANDELA_ASSIGN(const std::uint64_t threads, parse_count(*options.threads, "--threads", 1, kMostThreads));
+    CANDELA_ASSIGN(const std::uint64_t threads, parse_count(*options.threads, "--threads", 1, kMaxThreads));
     opened.threads = static_cast<unsigned>(threads);
   }
   CANDELA_ASSIGN(const inspect::Selection selection, selection_of(options, opened.spot));

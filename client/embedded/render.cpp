@@ -34,7 +34,7 @@
 namespace candela::client {
 namespace {
 
-constexpr unsigned kMostThreads = 1024;
+constexpr unsigned kMaxThreads = 1024;
 constexpr unsigned kMaxWorkers = 256;
 constexpr double kCallSeconds = 60;  // for a call within the process, on a machine that is busy rendering
 constexpr double kStallSeconds = 5;  // of a render that can keep neither checkpoints nor its end
@@ -46,7 +46,7 @@ Result<std::vector<unsigned>> worker_threads(const RenderOptions& options) {
     CANDELA_ASSIGN(workers, parse_count(*options.workers, "--workers", 1, kMaxWorkers));
   }
   if (options.threads) {
-    CANDELA_ASSIGN(threads, parse_count(*options.threads, "--threads", 1, kMostThreads));
+    CANDELA_ASSIGN(threads, parse_count(*options.threads, "--threads", 1, kMaxThreads));
     if (threads < workers)
       return usage_error(fmt::format("{} threads cannot be split among {} workers", threads, workers))
           .with_field("--threads");

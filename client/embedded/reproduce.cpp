@@ -25,7 +25,7 @@ namespace candela::client {
 namespace {
 
 constexpr std::string_view kOutput = "reproduced.exr";
-constexpr std::uint64_t kMostImageBytes = std::uint64_t{1} << 36;
+constexpr std::uint64_t kMaxImageBytes = std::uint64_t{1} << 36;
 
 struct ReproduceOptions {
   std::string image;
@@ -240,7 +240,7 @@ Result<int> run_reproduce(Context& context, const ReproduceOptions& options) {
                                                      : render_here(context, options, origin, output));
   if (code != 0) return code;
   if (origin.mix) {
-    CANDELA_ASSIGN(const std::string exr, read_file(output, kMostImageBytes));
+    CANDELA_ASSIGN(const std::string exr, read_file(output, kMaxImageBytes));
     CANDELA_ASSIGN(const image::MixedExr mixed, image::mix_exr(exr, *origin.mix));
     CANDELA_TRY(write_file_atomically(output, mixed.bytes));
   }

@@ -10,9 +10,9 @@
 
 namespace candela::description {
 
-inline constexpr std::size_t kMostErrors = 20;
+inline constexpr std::size_t kMaxErrors = 20;
 
-// The errors of a scene whose reading fails, up to kMostErrors, in the order in which they are met: what
+// The errors of a scene whose reading fails, up to kMaxErrors, in the order in which they are met: what
 // read_scene() says of the first error, and then of each element that does not depend on it. A pbrt scene has
 // its first error alone. Empty if the reading does not fail.
 std::vector<Error> all_errors(const FileSource& files, const std::string& main_key,

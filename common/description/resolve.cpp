@@ -387,7 +387,7 @@ Result<ObjectPtr> resolve(std::vector<Draft>& drafts, std::size_t root,
 }
 
 bool collect(std::vector<Error>* errors, const Error& error) {
-  if (errors == nullptr || errors->size() >= kMostErrors) return false;
+  if (errors == nullptr || errors->size() >= kMaxErrors) return false;
   errors->push_back(error);
   return true;
 }

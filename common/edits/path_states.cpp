@@ -42,7 +42,7 @@ Result<PathStates> PathStates::compile(const EditList& list, Edit::Direction dir
   if (request.layers.empty()) return states;
   const auto too_many = [&] {
     return input_error(fmt::format("the edits of {} together tell more than {} kinds of paths apart",
-                                   name_of(direction), kMost))
+                                   name_of(direction), kMax))
         .with_mend("name fewer vertices before the edited one, or render with fewer edits");
   };
   auto compiled = Automaton::compile(request, objects, uses);
@@ -104,7 +104,7 @@ Result<PathStates> PathStates::compile(const EditList& list, Edit::Direction dir
     if (known.size() == blocks) break;
     blocks = known.size();
   }
-  if (blocks > kMost) return too_many();
+  if (blocks > kMax) return too_many();
   states.size_ = std::max<std::size_t>(blocks, 1);
   states.classes_ = automaton.counts().classes;
   states.next_.assign(states.size_ * states.classes_, 0);

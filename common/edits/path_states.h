@@ -22,10 +22,10 @@ class PathStates {
   using Class = letters::Automaton::Class;
   using State = std::uint8_t;
   using Edits = std::uint16_t;  // bit k: edit k of the list
-  static constexpr std::size_t kMost = 16;
+  static constexpr std::size_t kMax = 16;
 
   // Compiles the list's edits of one direction. objects, uses: as for letters::Automaton::compile(). Errors
-  // (input): more than kMost states. Precondition: Selection::compile() takes each edit.
+  // (input): more than kMax states. Precondition: Selection::compile() takes each edit.
   static Result<PathStates> compile(const EditList& list, Edit::Direction direction,
                                     std::span<const letters::ObjectNames> objects,
                                     std::span<const std::uint8_t> uses);

@@ -8,21 +8,21 @@ namespace {
 
 constexpr double kSamplesPerSecond = 1 << 15;
 
-constexpr std::uint64_t kMost = std::numeric_limits<std::uint64_t>::max();
+constexpr std::uint64_t kMax = std::numeric_limits<std::uint64_t>::max();
 
 std::uint64_t product(std::uint64_t a, std::uint64_t b) {
-  return b != 0 && a > kMost / b ? kMost : a * b;
+  return b != 0 && a > kMax / b ? kMax : a * b;
 }
 
 std::uint64_t rounded(double samples) {
-  return samples < 0x1p63 ? static_cast<std::uint64_t>(samples) : kMost;
+  return samples < 0x1p63 ? static_cast<std::uint64_t>(samples) : kMax;
 }
 
 }  // namespace
 
 Effort effort_of(std::uint64_t spp, const StopRule& stop, std::uint64_t pixels,
                  std::uint64_t samples_per_iteration) {
-  std::uint64_t samples = kMost;
+  std::uint64_t samples = kMax;
   if (spp > 0)
     samples = product(spp, pixels);
   else if (stop.iterations > 0)

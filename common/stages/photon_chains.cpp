@@ -69,7 +69,7 @@ double flicker(const Counts& counts) {
 
 double next_step(double step, std::uint64_t accepted, std::uint64_t mutations) {
   const double share = static_cast<double>(accepted) / static_cast<double>(mutations);
-  return std::clamp(step * exponential(kGain * (share - kAcceptance)), kLeastStep, kMostStep);
+  return std::clamp(step * exponential(kGain * (share - kAcceptance)), kMinStep, kMaxStep);
 }
 
 std::string state_of(double step) {
@@ -81,9 +81,9 @@ std::string state_of(double step) {
 Result<double> step_of(std::string_view state) {
   film::Reader reader(state);
   const auto step = std::bit_cast<double>(reader.u64());
-  if (reader.ok() && reader.rest().empty() && step >= kLeastStep && step <= kMostStep) return step;
+  if (reader.ok() && reader.rest().empty() && step >= kMinStep && step <= kMaxStep) return step;
   return input_error(fmt::format("the state '{}' of the unit's epoch is not a step size from {} to {}", kRule,
-                                 kLeastStep, kMostStep))
+                                 kMinStep, kMaxStep))
       .with_field("states");
 }
 

@@ -43,7 +43,7 @@ Counts read(const film::MergedAccumulator& sums);
 double flicker(const Counts& counts);
 
 // Bounds of a step size, the largest distance by which a mutation moves a random number.
-inline constexpr double kLeastStep = 1e-4, kMostStep = 0.5;
+inline constexpr double kMinStep = 1e-4, kMaxStep = 0.5;
 // [metropolis-photons note, section 9]: step' = step exp(4 (accepted / mutations - 0.234)), within the
 // bounds. Precondition: mutations > 0.
 inline constexpr double kAcceptance = 0.234, kGain = 4;

@@ -6,12 +6,12 @@ namespace candela {
 namespace {
 
 constexpr std::uint64_t kPart = 20;  // of a prefix, by which the next one is longer
-constexpr std::uint64_t kLeastStep = 16, kLeastStepOfChains = 2;
+constexpr std::uint64_t kMinStep = 16, kMinStepOfChains = 2;
 
 }  // namespace
 
 std::uint64_t prefix_after(std::uint64_t prefix, bool chains) {
-  return prefix + std::max(chains ? kLeastStepOfChains : kLeastStep, prefix / kPart);
+  return prefix + std::max(chains ? kMinStepOfChains : kMinStep, prefix / kPart);
 }
 
 std::uint64_t prefix_of(std::uint64_t rounds, bool chains) {

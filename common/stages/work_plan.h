@@ -43,8 +43,8 @@ struct WorkPlan {
 };
 
 // Fails (input) unless every part is valid for a film of this size, the film has the layers that a job of
-// chains makes its image of, accumulators for each epoch come with epochs, and epochs without chains. The
-// error's field is that of the plan.
+// chains makes its image of, and accumulators for each epoch come with epochs. The error's field is that of
+// the plan.
 Result<void> validate(const WorkPlan& plan, std::uint32_t width, std::uint32_t height);
 
 struct PilotResult {

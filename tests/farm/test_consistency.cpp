@@ -118,7 +118,7 @@ double share_of(const v1::GetLedgerResponse& ledger, const std::string& worker_i
 // last bit. The other is put to sleep whenever it has done 3 %; on a busy machine it may be noticed too late,
 // so that the share is an even one after all: then with another job.
 TEST(Consistency, OneWorkerDoesNearlyAll) {
-  constexpr int kMostJobs = 6;
+  constexpr int kMaxJobs = 6;
   Farm farm;
   farm.start_master({"--unit-time", "0.05"});
   Process& lazy = farm.start_worker("lazy");
@@ -132,7 +132,7 @@ TEST(Consistency, OneWorkerDoesNearlyAll) {
     const std::vector<std::string> options = {"--integrator", integrator, "--set", "chains=200"};
     const auto alone = farm.render(rounds, "cornell", options);
     double share = 0;
-    for (int job = 0; job < kMostJobs && !(share > 0 && share <= 0.1); ++job) {
+    for (int job = 0; job < kMaxJobs && !(share > 0 && share <= 0.1); ++job) {
       const std::string id = farm.submit(rounds, "cornell", options);
       // Units that the sleeper holds are waited for when the other has nothing else to do.
       EXPECT_TRUE(eventually(kPatienceSeconds, [&] {
@@ -148,7 +148,7 @@ TEST(Consistency, OneWorkerDoesNearlyAll) {
       expect_identical(farm.fetch(id), alone, "uneven shares");
     }
     EXPECT_GT(share, 0);
-    EXPECT_LE(share, 0.1) << "of " << kMostJobs << " jobs";
+    EXPECT_LE(share, 0.1) << "of " << kMaxJobs << " jobs";
   }
 }
 

@@ -315,7 +315,7 @@ class Goals : public testing::TestWithParam<Goal> {};
 // Claim: a job that ends by its error ends at the same iterations, with the same pixels, on any workers, also
 // when workers and the master die on the way.
 TEST_P(Goals, SameStopSamePixels) {
-  constexpr std::uint64_t kMost =
+  constexpr std::uint64_t kMax =
       50'000;  // iterations, which no job here has before its error is small enough
   std::vector<std::string> options = with(GetParam().integrator);
   options.insert(options.end(), {"--until", "relmse=" + GetParam().relmse});
@@ -323,14 +323,14 @@ TEST_P(Goals, SameStopSamePixels) {
   farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.1", "--lease-time", "2"});
   std::vector<Process*> workers;
   for (const char* name : {"a", "b", "c", "d", "e"}) workers.push_back(&farm.start_worker(name));
-  const std::string id = farm.submit(kMost, "cornell", options);
+  const std::string id = farm.submit(kMax, "cornell", options);
   farm.wait_for_iterations(id, 4);  // fewer than any of these jobs has
   farm.forget_worker(*workers[0]);
   farm.kill_master();
   farm.restart_master();
   const v1::JobStatus done = farm.wait_for(id, v1::JOB_STATE_DONE);
   EXPECT_LE(done.relmse_upper(), std::stod(GetParam().relmse));
-  const image::Image fetched = farm.fetch(id), rendered = farm.render(kMost, "cornell", options);
+  const image::Image fetched = farm.fetch(id), rendered = farm.render(kMax, "cornell", options);
   EXPECT_EQ(fetched.metadata.at("candela:run:stop_reason"), "relmse");
   expect_identical(fetched, rendered, "farm and `candela render`");
   for (const char* name : {"candela:iterations", "candela:eye_samples", "candela:relmse_upper"})

@@ -50,8 +50,8 @@ TEST(PhotonChains, StepsFollowTheAcceptance) {
   for (const std::uint64_t accepted : {0ULL, 100ULL, 234ULL, 500ULL, 1000ULL})
     EXPECT_NEAR(photon_chains::next_step(0.01, accepted, 1000),
                 0.01 * std::exp(4 * (static_cast<double>(accepted) / 1000 - 0.234)), 1e-15);
-  EXPECT_EQ(photon_chains::next_step(0.4, 1000, 1000), photon_chains::kMostStep);
-  EXPECT_EQ(photon_chains::next_step(1.1e-4, 0, 1000), photon_chains::kLeastStep);
+  EXPECT_EQ(photon_chains::next_step(0.4, 1000, 1000), photon_chains::kMaxStep);
+  EXPECT_EQ(photon_chains::next_step(1.1e-4, 0, 1000), photon_chains::kMinStep);
   // Towards 0.23 from both ends, if the acceptance falls with the logarithm of the step.
   for (double step : {0.5, 1e-3}) {
     for (int e = 0; e < 40; ++e) {

@@ -68,22 +68,22 @@ TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
   const auto filter = film::PixelFilter::create("box", {});
   const UnitContext context{**scene, *filter, samplers::SamplerKind::independent, 1, 16, 16};
   const estimators::FilmDomain film(context.filter, context.width, context.height);
-  constexpr std::uint32_t kMost = 6;
+  constexpr std::uint32_t kMax = 6;
   // An estimator for each longest path: on its last edge what passes straight is no matter of chance.
-  estimators::PathOptions options[kMost + 1];
+  estimators::PathOptions options[kMax + 1];
   const estimators::Techniques techniques;
   film::Tallies tallies;
-  Recorder all[kMost + 1], one;
+  Recorder all[kMax + 1], one;
   using Whole = estimators::Bidirectional<RecordConfig<estimators::EveryTechnique>>;
   std::vector<std::unique_ptr<Whole>> whole;
-  for (std::uint32_t most = 0; most <= kMost; ++most) {
+  for (std::uint32_t most = 0; most <= kMax; ++most) {
     options[most].max_depth = std::max(most, 1u);
     options[most].rr_depth = 1000;
     whole.push_back(std::make_unique<Whole>(**scene, options[most], techniques, estimators::one_of_each(film),
                                             all[most], tallies));
   }
   estimators::Bidirectional<RecordConfig<estimators::OneTechnique>> single(
-      **scene, options[kMost], techniques, estimators::one_of_each(film), one, tallies);
+      **scene, options[kMax], techniques, estimators::one_of_each(film), one, tallies);
   mcmc::PrimaryState numbers({});
   ByTechnique times;
   for (std::uint64_t key = 0; key < 20000; ++key) {
@@ -91,12 +91,12 @@ TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
     mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
     mcmc::PrimarySampler& light = numbers.walk(mcmc::PrimaryState::light);
     const Ray ray = estimators::film_ray(**scene, film, eye).ray;
-    for (std::uint32_t most = 1; most <= kMost; ++most) {
+    for (std::uint32_t most = 1; most <= kMax; ++most) {
       all[most].found.clear();
       whole[most]->trace_light(light);
       whole[most]->trace_eye(ray, eye);
     }
-    for (std::uint32_t edges = 1; edges <= kMost; ++edges) {
+    for (std::uint32_t edges = 1; edges <= kMax; ++edges) {
       const auto count = mmlt::techniques_of(edges, techniques);
       for (std::uint32_t choice = 0; choice < count.all(); ++choice) {
         const estimators::OneTechnique chosen = mmlt::technique(edges, count, choice);
@@ -110,7 +110,7 @@ TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
         const std::pair key_of{chosen.s, chosen.t};
         for (const auto& [other, value] : one.found) ASSERT_EQ(other, key_of);
         const bool met = chosen.s == 0 || chosen.t == 0;  // light or lens, by a walk's last edge
-        const double expected = all[met ? edges : kMost].found[key_of], found = one.found[key_of];
+        const double expected = all[met ? edges : kMax].found[key_of], found = one.found[key_of];
         ASSERT_NEAR(found, expected, 1e-5 * expected)
             << "s " << chosen.s << " t " << chosen.t << " key " << key;
         if (expected > 0) times[key_of] += 1;
@@ -118,7 +118,7 @@ TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
     }
   }
   // Every technique was met, but for those that rarely are: light that meets the lens.
-  for (std::uint32_t edges = 1; edges <= kMost; ++edges)
+  for (std::uint32_t edges = 1; edges <= kMax; ++edges)
     for (std::uint32_t s = 0; s <= edges; ++s) {
       if (edges == 1 && s > 0) continue;
       EXPECT_GT((times[{s, edges + 1 - s}]), 10) << s << " " << edges + 1 - s;
@@ -137,12 +137,12 @@ TEST(IntegratorMmlt, TargetIsAShareOverItsProbability) {
   const auto filter = film::PixelFilter::create("box", {});
   const UnitContext context{**scene, *filter, samplers::SamplerKind::independent, 1, 16, 16};
   const estimators::FilmDomain film(context.filter, context.width, context.height);
-  constexpr std::uint32_t kMost = 4;
+  constexpr std::uint32_t kMax = 4;
   estimators::PathOptions options;
-  options.max_depth = kMost;
+  options.max_depth = kMax;
   options.rr_depth = 1000;
   const estimators::Techniques techniques;
-  const mmlt::Lengths lengths(1, kMost);
+  const mmlt::Lengths lengths(1, kMax);
   film::Tallies tallies;
   Recorder one;
   estimators::Bidirectional<RecordConfig<estimators::OneTechnique>> single(
@@ -160,7 +160,7 @@ TEST(IntegratorMmlt, TargetIsAShareOverItsProbability) {
     std::pair<std::uint32_t, std::uint32_t> which;
     mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
     const Ray ray = estimators::film_ray(**scene, film, eye).ray;
-    for (std::uint32_t edges = 1; edges <= kMost; ++edges) {
+    for (std::uint32_t edges = 1; edges <= kMax; ++edges) {
       const auto count = mmlt::techniques_of(edges, techniques);
       for (std::uint32_t choice = 0; choice < count.all(); ++choice) {
         const estimators::OneTechnique chosen = mmlt::technique(edges, count, choice);
@@ -180,7 +180,7 @@ TEST(IntegratorMmlt, TargetIsAShareOverItsProbability) {
     ASSERT_LT(nearest, 1e-5) << "s " << which.first << " t " << which.second << " key " << key;
     ++times[which];
   }
-  for (std::uint32_t edges = 2; edges <= kMost; ++edges)
+  for (std::uint32_t edges = 2; edges <= kMax; ++edges)
     for (std::uint32_t s = 0; s <= edges; ++s)
       EXPECT_GT((times[{s, edges + 1 - s}]), 3) << s << " " << edges + 1 - s;
 }

@@ -21,7 +21,7 @@ using test::chi_squared_p;
 using test::expect_mean;
 using test::volume_file;
 
-constexpr double kLeastP = 1e-6;
+constexpr double kMinP = 1e-6;
 
 using Mean = statistical::Moments;
 
@@ -83,7 +83,7 @@ TEST(SceneMedia, HomogeneousFlights) {
         const Spectrum left = s.weight * channels;
         ASSERT_LE(left.r + left.g + left.b, 1.0001f * (channels.r + channels.g + channels.b));
       }
-      EXPECT_GT(chi_squared_p(observed, expected), kLeastP) << sigma;
+      EXPECT_GT(chi_squared_p(observed, expected), kMinP) << sigma;
       // pdf_distance is the derivative of prob_pass.
       for (const double t : {0.01, 0.4, 1.2})
         EXPECT_NEAR((passes(t - 1e-3) - passes(t + 1e-3)) / 2e-3,

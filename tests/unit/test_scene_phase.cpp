@@ -19,7 +19,7 @@ using test::build_scene;
 using test::chi_squared_p;
 using test::expect_mean;
 
-constexpr double kLeastPhaseP = 1e-6;
+constexpr double kMinPhaseP = 1e-6;
 
 Phase phase_of(double g) {
   return g == 0 ? Phase() : Phase::henyey_greenstein(static_cast<float>(g));
@@ -93,7 +93,7 @@ TEST(ScenePhase, FunctionsSampleTheirValue) {
       ++observed[static_cast<std::size_t>(q * kCosines) * kAngles +
                  std::min<std::size_t>(static_cast<std::size_t>(angle * kAngles), kAngles - 1)];
     }
-    EXPECT_GT(chi_squared_p(observed, expected), kLeastPhaseP) << g;
+    EXPECT_GT(chi_squared_p(observed, expected), kMinPhaseP) << g;
     expect_mean(cosine, g, "mean cosine", 1e-4, 0);
   }
 }
@@ -120,7 +120,7 @@ TEST(ScenePhase, RayleighSamplesItsValue) {
     const double below = (c * c * c + 3 * c + 4) / 8;
     ++observed[static_cast<std::size_t>(std::clamp(below, 0.0, 1 - 1e-9) * kBins)];
   }
-  EXPECT_GT(chi_squared_p(observed, std::vector<double>(kBins, 1.0 * kSamples / kBins)), kLeastPhaseP);
+  EXPECT_GT(chi_squared_p(observed, std::vector<double>(kBins, 1.0 * kSamples / kBins)), kMinPhaseP);
 }
 
 // Claim: a blend of phase functions, blends among them, has the weighted sum of their values, is sampled by
@@ -164,7 +164,7 @@ TEST(ScenePhase, BlendsSampleTheirValue) {
     cosine.add(c);
     ++observed[static_cast<std::size_t>(std::clamp(0.5 * c + 0.5, 0.0, 1 - 1e-9) * kBins)];
   }
-  EXPECT_GT(chi_squared_p(observed, expected), kLeastPhaseP);
+  EXPECT_GT(chi_squared_p(observed, expected), kMinPhaseP);
   EXPECT_NEAR(phase.mean_cosine(), 0.6f * 0.6f - 0.1f * 0.5f, 1e-6f);
   expect_mean(cosine, 0.31, "mean cosine", 1e-4, 0);
 }

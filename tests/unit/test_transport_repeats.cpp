@@ -133,7 +133,7 @@ void gather(float distance, int trials, std::uint64_t paths, Found& found) {
                                  TransportMode::radiance, pdf) *
             p.flux;
         if (value.is_black()) continue;
-        sectors.add(y, value, 1 / std::max(eye.density_factor(p.wo), kLeastOfOwnCosine * p.cosine()), 1);
+        sectors.add(y, value, 1 / std::max(eye.density_factor(p.wo), kMinOfOwnCosine * p.cosine()), 1);
         sectors.end();
         ++hits;
         for (std::size_t s = 0; s < kSectors; ++s) of_path[s] += sectors.sums()[s];

@@ -495,7 +495,7 @@ class PathTracer {
   bool pass_straight(const scene::SurfaceHit& hit) {
     if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
     ray_ = spawn_ray(hit, ray_.direction);
-    return ++passes_ < transport::kMostPasses;
+    return ++passes_ < transport::kMaxPasses;
   }
 
   const scene::SurfaceHit& previous() const { return hits_[~depth_ & 1]; }

@@ -31,7 +31,7 @@ double ChainRegularization::bandwidth(std::uint64_t mutation) const {
   // r_0 gamma^n as it was published [Kaplanyan 2017, section 6.3.2].
   constexpr double kGamma = 1 - 1e-4;
   return regularization_.first() *
-         std::max(math::pow(kGamma, static_cast<double>(mutation)), transport::kLeastShare);
+         std::max(math::pow(kGamma, static_cast<double>(mutation)), transport::kMinShare);
 }
 
 bool has_unsampled_paths(const scene::SceneFeatures& features, std::uint32_t max_depth,

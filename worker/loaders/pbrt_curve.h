@@ -20,7 +20,7 @@ using CubicPiece = std::array<ControlPoint, 4>;
 using PieceList = std::vector<CubicPiece>;
 
 // Every piece becomes 20 triangles or more, and a mesh has at most 2^28.
-constexpr std::size_t kMostCubicPieces = (std::size_t{1} << 28) / 20;
+constexpr std::size_t kMaxCubicPieces = (std::size_t{1} << 28) / 20;
 
 // `count` directives that follow each other, one list for each. `offset` is where the word Shape of the first
 // begins, in line `line`. Bezier curves and B-splines, of degree 2 or 3, become cubic pieces; the radius,
@@ -28,7 +28,7 @@ constexpr std::size_t kMostCubicPieces = (std::size_t{1} << 28) / 20;
 // at the directive that has them.
 Result<std::vector<PieceList>> load_pbrt_curves(
     std::string_view bytes, const std::string& name, std::int64_t offset, int line, std::int64_t count,
-    std::size_t max_pieces = kMostCubicPieces,
+    std::size_t max_pieces = kMaxCubicPieces,
     description::ReadingBudget& budget = description::ReadingBudget::unlimited());
 
 }  // namespace candela::loaders

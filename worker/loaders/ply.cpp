@@ -72,7 +72,7 @@ struct Row {
   double* columns = nullptr;  // of attributes; where there are some
 };
 
-using Columns = std::array<double, 3 * kMostAttributes>;
+using Columns = std::array<double, 3 * kMaxAttributes>;
 
 // Decodes a column: integers are fractions of their type's largest value.
 class Decoder {

@@ -69,8 +69,8 @@ std::vector<Group> groups_of(const Element& element) {
 
 Result<void> find_attributes(Header& header, const std::vector<std::string>& wanted,
                              const std::string& name) {
-  if (wanted.size() > kMostAttributes)
-    return input_error(fmt::format("more than {} attributes of a mesh are asked for", kMostAttributes))
+  if (wanted.size() > kMaxAttributes)
+    return input_error(fmt::format("more than {} attributes of a mesh are asked for", kMaxAttributes))
         .at(name, 0);
   for (const std::string& full : wanted) {
     const bool of_faces = full.starts_with("face_");

@@ -74,7 +74,7 @@ Result<Header> read_header(std::string_view bytes, const std::string& name);
 // Names the columns of the attributes asked for, as Mitsuba 3 groups them: `r g b` or `red green blue` are
 // `color`, neighbors such as `heat_0` (or `flow_x flow_y flow_z`; _r _g _b, _0 _1 _2, _1 _2 _3) are `heat`
 // (and `heat_color` of _r _g _b). Their names begin with `vertex_` or `face_`.
-inline constexpr std::size_t kMostAttributes = 16;
+inline constexpr std::size_t kMaxAttributes = 16;
 Result<void> find_attributes(Header& header, const std::vector<std::string>& wanted, const std::string& name);
 
 // Text of a file, for messages.

@@ -13,9 +13,9 @@ namespace candela::scene {
 namespace {
 
 // Of a box with more and more cubes in it: beyond that Embree's tree is about as fast.
-constexpr std::size_t kMostTriangleBlocks = 8;
+constexpr std::size_t kMaxTriangleBlocks = 8;
 // Embree calls back for each round primitive, so that many of them pay.
-constexpr std::size_t kMostRound = 32;
+constexpr std::size_t kMaxRound = 32;
 
 // The longest edge over the height on it.
 constexpr double kThinnest = 1e4;
@@ -65,7 +65,7 @@ bool FewPrimitives::set_lane(const Triangle& triangle, std::size_t lane, Block& 
 
 bool FewPrimitives::take_triangles(std::size_t count) {
   const std::size_t blocks = (count + kWidth - 1) / kWidth;
-  if (blocks > kMostTriangleBlocks) return false;
+  if (blocks > kMaxTriangleBlocks) return false;
   Block empty;
   for (auto& row : empty.rows)
     for (Lanes& lanes : row) lanes.fill(0);
@@ -93,7 +93,7 @@ std::unique_ptr<FewPrimitives> FewPrimitives::build(const Geometry& geometry) {
   };
   const std::uint32_t spheres = count(PrimitiveKind::sphere), disks = count(PrimitiveKind::disk),
                       cylinders = count(PrimitiveKind::cylinder);
-  if (spheres + disks + cylinders > kMostRound) return nullptr;
+  if (spheres + disks + cylinders > kMaxRound) return nullptr;
   std::unique_ptr<FewPrimitives> few(new FewPrimitives(geometry));
   few->whole_ = geometry.instances.empty() && few->take_triangles(count(PrimitiveKind::triangle));
   if (!few->whole_ && spheres + disks + cylinders == 0) return nullptr;

@@ -64,7 +64,7 @@ Error passes_straight(const edits::Edit& edit, const std::vector<std::string>& s
 
 Error too_many_edits(const std::vector<std::string>& surface) {
   return input_error(fmt::format("more than {} edits of one direction select the surface {}",
-                                 SurfaceEdits::kMost, named(surface)));
+                                 SurfaceEdits::kMax, named(surface)));
 }
 
 // Lobes that are not delta may be diffuse and glossy at one place.
@@ -143,7 +143,7 @@ Result<void> SceneBuilder::edit(const EditRequest& request) {
                                  std::countr_zero(static_cast<unsigned>(all.of_light | all.of_eye)))],
                              objects_.names[object]);
     for (const std::uint16_t bits : {all.of_light, all.of_eye})
-      if (std::popcount(bits) > static_cast<int>(SurfaceEdits::kMost))
+      if (std::popcount(bits) > static_cast<int>(SurfaceEdits::kMax))
         return too_many_edits(objects_.names[object]);
     for (std::size_t k = 0; k < selected.size(); ++k) selected[k] += (all.of_light | all.of_eye) >> k & 1;
     const auto [at, fresh] = made.try_emplace({bsdf, object}, static_cast<std::uint32_t>(bsdfs_.size()));
@@ -207,7 +207,7 @@ Result<void> SceneBuilder::finish_edits(const EditRequest& request) {
       return passes_straight(list.edits[static_cast<std::size_t>(std::countr_zero(either))],
                              objects_.names[object]);
     for (const std::uint16_t bits : all)
-      if (std::popcount(bits) > static_cast<int>(SurfaceEdits::kMost))
+      if (std::popcount(bits) > static_cast<int>(SurfaceEdits::kMax))
         return too_many_edits(objects_.names[object]);
     for (std::size_t k = 0; k < selected.size(); ++k) selected[k] += either >> k & 1;
   }

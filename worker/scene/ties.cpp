@@ -163,7 +163,7 @@ std::vector<Vec3d> few_corners(const Geometry& geometry, std::vector<Flat>::iter
 
 // Adds the edges of triangles that have all corners on one side.
 void add_outline(const std::vector<Vec3d>& corners, double pad, Place& place) {
-  for (std::size_t i = 0; i < corners.size() && place.edge_count < Place::kMostEdges; ++i) {
+  for (std::size_t i = 0; i < corners.size() && place.edge_count < Place::kMaxEdges; ++i) {
     const std::size_t t = i / 3 * 3;
     const Vec3d a = corners[i], b = corners[t + (i + 1) % 3], c = corners[t + (i + 2) % 3];
     const Vec3d along = b - a, inward = (c - a) - along * (dot(c - a, along) / length_squared(along));

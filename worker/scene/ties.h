@@ -26,9 +26,9 @@ struct Place {
     Vec3 outward;
     float distance = 0;  // of the edge along it from the origin
   };
-  static constexpr std::size_t kMostEdges = 4;
+  static constexpr std::size_t kMaxEdges = 4;
   Vec3 low, high;
-  std::array<Edge, kMostEdges> edges;
+  std::array<Edge, kMaxEdges> edges;
   std::size_t edge_count = 0;
 
   bool holds(Vec3 p) const {

@@ -15,8 +15,8 @@ struct TurningLobe {
 };
 
 struct TurningLobes {
-  static constexpr std::uint32_t kMost = 2;
-  TurningLobe lobes[kMost];
+  static constexpr std::uint32_t kMax = 2;
+  TurningLobe lobes[kMax];
   std::uint32_t count = 0;
   const TurningLobe* begin() const { return lobes; }
   const TurningLobe* end() const { return lobes + count; }

@@ -271,12 +271,12 @@ void FarmWorker::acquire_once(Lock& lock) {
 
 // None while a unit is computed that the worker does not own any more.
 bool FarmWorker::wants_lease() const {
-  return drain_ == Drain::no && pending_.empty() && (outbox_.size() < kMostDeltas || is_full()) &&
+  return drain_ == Drain::no && pending_.empty() && (outbox_.size() < kMaxDeltas || is_full()) &&
          (running_ == nullptr || !running_->dropped);
 }
 
 bool FarmWorker::is_full() const {
-  return outbox_.size() == kMostDeltas && running_ == nullptr;
+  return outbox_.size() == kMaxDeltas && running_ == nullptr;
 }
 
 bool FarmWorker::owns(std::uint64_t token) const {

@@ -31,7 +31,7 @@
 namespace candela::worker {
 
 // Finished deltas that a worker holds; one more of an urgent job.
-inline constexpr std::size_t kMostDeltas = 2;
+inline constexpr std::size_t kMaxDeltas = 2;
 
 // Times and bounds; tests shorten them.
 struct Tuning {

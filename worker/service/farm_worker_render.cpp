@@ -24,7 +24,7 @@ void FarmWorker::render_loop() {
     // One unit may be with the push thread while another is rendered, and two while an urgent one is.
     changed_.wait(lock, [&]() CANDELA_REQUIRES(mutex_) {
       return closing_ ||
-             (!pending_.empty() && outbox_.size() < kMostDeltas + (pending_.front()->urgent ? 1 : 0));
+             (!pending_.empty() && outbox_.size() < kMaxDeltas + (pending_.front()->urgent ? 1 : 0));
     });
     if (closing_) return;
     TaskPtr task = std::move(pending_.front());

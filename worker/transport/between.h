@@ -18,7 +18,7 @@ enum class Between : std::uint8_t {
 };
 
 // Surfaces that one path or shadow ray may pass straight; where rounding kept a ray from getting on, it ends.
-inline constexpr std::uint32_t kMostPasses = 1u << 16;
+inline constexpr std::uint32_t kMaxPasses = 1u << 16;
 
 // The probability with which a walk passes a stretch of a medium, as weights know it: a deterministic
 // function of the stretch, the same for walks of both directions. 1 where it has no closed form. Any such
@@ -48,7 +48,7 @@ Spectrum passing(const SceneT& scene, Ray ray, std::uint32_t medium, rng::Stream
   // add up, and must not carry it into the light.
   const bool ends = ray.t_max < 1e30f;
   const Vec3d end = Vec3d(ray.origin) + Vec3d(ray.direction) * static_cast<double>(ends ? ray.t_max : 0);
-  for (std::uint32_t passes = 0; passes < kMostPasses; ++passes) {
+  for (std::uint32_t passes = 0; passes < kMaxPasses; ++passes) {
     scene::SurfaceHit hit;
     ++rays;
     const bool found = scene.intersect(ray, hit);

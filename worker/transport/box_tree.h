@@ -33,9 +33,9 @@ struct QuerySegment {
 class BoxTree {
  public:
   static constexpr std::uint32_t kWide = 8;
-  static constexpr std::uint32_t kMostItems = 0x7fffffffu;
+  static constexpr std::uint32_t kMaxItems = 0x7fffffffu;
 
-  // Returns the items' order: slot -> index. At most kMostItems, all finite. The result does not depend on
+  // Returns the items' order: slot -> index. At most kMaxItems, all finite. The result does not depend on
   // `threads`.
   std::vector<std::uint32_t> build(std::span<const ItemBox> boxes, unsigned threads);
   // The same of points, whose tree is half as large.
@@ -146,9 +146,9 @@ class BoxTree {
 
   // The nodes or items of one level that a query comes near. It has looked into those before `next`.
   struct Found {
-    static constexpr std::uint32_t kMost = 64;
+    static constexpr std::uint32_t kMax = 64;
     std::uint32_t next = 0, count = 0;
-    std::uint32_t at[kMost];
+    std::uint32_t at[kMax];
   };
   // Writes to `to` the children of a node that a mask has bits of, and returns their number. It writes eight
   // in any case: a branch on the mask would be mispredicted at most nodes.
@@ -173,7 +173,7 @@ class BoxTree {
   template <class Boxes, class Points, class Visit>
   std::uint64_t traverse(const Boxes& boxes, const Points& points, Visit& visit) const {
     if (count_ == 0) return 0;
-    std::array<Found, kMostLevels + 1> found;  // the items, then the nodes by level
+    std::array<Found, kMaxLevels + 1> found;  // the items, then the nodes by level
     const std::uint32_t top = levels_;
     found[top].at[found[top].count++] = 0;
     std::uint64_t nodes = 0;
@@ -193,7 +193,7 @@ class BoxTree {
           do {
             const std::uint32_t node = here.at[next++];
             count += add_children(node, overlaps(node_at(level - 1, node)), below.at + count);
-          } while (next < here.count && count + kWide <= Found::kMost);
+          } while (next < here.count && count + kWide <= Found::kMax);
           nodes += next - here.next;
           here.next = next;
           below.count = count;
@@ -215,9 +215,9 @@ class BoxTree {
     }
   }
 
-  static constexpr std::uint32_t kMostLevels = 11;  // of 2^31 items
+  static constexpr std::uint32_t kMaxLevels = 11;  // of 2^31 items
   HugeVector<float> sides_;
-  std::array<Level, kMostLevels> level_{};  // the children of level 0 are the items
+  std::array<Level, kMaxLevels> level_{};  // the children of level 0 are the items
   std::uint32_t count_ = 0, levels_ = 0;
 };
 

@@ -81,7 +81,7 @@ Result<void> PhotonBeams::build(std::span<const BeamBuffer* const> chunks, std::
   states_.clear();
   std::size_t steps = 0;
   for (const BeamBuffer* chunk : chunks) steps += chunk->steps().size();
-  if (steps > BoxTree::kMostItems) return too_many_in_media("steps of flights");
+  if (steps > BoxTree::kMaxItems) return too_many_in_media("steps of flights");
   for (const BeamBuffer* chunk : chunks) {
     const auto first = static_cast<std::uint32_t>(emissions_.size()),
                first_step = static_cast<std::uint32_t>(steps_.size());
@@ -95,7 +95,7 @@ Result<void> PhotonBeams::build(std::span<const BeamBuffer* const> chunks, std::
     states_.insert(states_.end(), chunk->states().begin(), chunk->states().end());
     emissions_.insert(emissions_.end(), chunk->emissions().begin(), chunk->emissions().end());
   }
-  if (beams_.size() > BoxTree::kMostItems / kMostPieces) return too_many_in_media("pieces of photon beams");
+  if (beams_.size() > BoxTree::kMaxItems / kMaxPieces) return too_many_in_media("pieces of photon beams");
 
   std::vector<Piece> pieces;
   std::vector<ItemBox> boxes;
@@ -105,7 +105,7 @@ Result<void> PhotonBeams::build(std::span<const BeamBuffer* const> chunks, std::
     const PhotonBeam& beam = beams_[i];
     const double piece_length = kPieceRadii * static_cast<double>(radii[beam.medium]);
     const double wanted = std::ceil(static_cast<double>(beam.length) / piece_length);
-    const auto count = static_cast<std::uint16_t>(std::clamp(wanted, 1.0, static_cast<double>(kMostPieces)));
+    const auto count = static_cast<std::uint16_t>(std::clamp(wanted, 1.0, static_cast<double>(kMaxPieces)));
     const Vec3d origin(beam.origin), direction(beam.direction);
     for (std::uint16_t k = 0; k < count; ++k) {
       pieces.push_back({i, k, count});

@@ -79,7 +79,7 @@ class BeamBuffer {
 class PhotonBeams {
  public:
   static constexpr double kPieceRadii = 8;
-  static constexpr std::uint32_t kMostPieces = 64;  // of a beam
+  static constexpr std::uint32_t kMaxPieces = 64;  // of a beam
 
   // From the buffers in their order. radii: of the queries, by the number of the medium. The result does not
   // depend on `threads`.

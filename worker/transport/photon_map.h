@@ -150,19 +150,19 @@ class PhotonMap {
       const Photon<Block>* photon;
       float d2;
     };
-    static constexpr std::uint32_t kMost = 64;
+    static constexpr std::uint32_t kMax = 64;
     std::uint32_t count = 0;
-    Hit hit[kMost];
+    Hit hit[kMax];
   };
   void prefetch(Vec3 p, float radius) const { search_.prefetch(p, radius); }
   void find(Vec3 p, float radius, Query& query) const { search_.find(p, radius, query); }
-  // Collects up to kMost photons into `hits`. On overflow it calls visit(photon, squared distance) for full
+  // Collects up to kMax photons into `hits`. On overflow it calls visit(photon, squared distance) for full
   // batches; the caller visits the rest. The order depends on the photons alone.
   template <class Visit>
   void collect(const Query& query, Hits& hits, Visit&& visit) const {
     hits.count = 0;
     search_.visit_slots(query, [&](std::uint32_t slot, float d2) {
-      if (hits.count == Hits::kMost) {
+      if (hits.count == Hits::kMax) {
         for (const auto& hit : hits.hit) visit(*hit.photon, hit.d2);
         hits.count = 0;
       }

@@ -23,7 +23,7 @@ Result<void> PhotonPoints::build(std::span<const PhotonBuffer<MisBlock>* const> 
     survivals_.insert(survivals_.end(), chunk->survivals().begin(), chunk->survivals().end());
     states_.insert(states_.end(), chunk->states().begin(), chunk->states().end());
   }
-  if (photons_.size() > BoxTree::kMostItems) return too_many_in_media("photons");
+  if (photons_.size() > BoxTree::kMaxItems) return too_many_in_media("photons");
   if (queries.segments) reorder(tree_.build(std::span<const Vec3>(positions_), threads));
   if (!queries.radii.empty()) {
     build_searches(queries.radii, threads);

@@ -44,7 +44,7 @@ std::uint32_t choose(std::span<const Letter> string, Connecting techniques, std:
 
 double bandwidth(double first, std::uint64_t iteration, double exponent) {
   const double n = static_cast<double>(iteration) + 1;
-  return first * std::max(math::pow(n, -exponent), kLeastShare);
+  return first * std::max(math::pow(n, -exponent), kMinShare);
 }
 
 }  // namespace candela::transport

@@ -109,7 +109,7 @@ class Mollifier {
 };
 
 // No bandwidth is a smaller fraction of the first one, so that K is finite.
-inline constexpr double kLeastShare = 1e-6;
+inline constexpr double kMinShare = 1e-6;
 
 // r_0 n^-exponent, n = iteration + 1: of an iteration of the job, counted from 0.
 // [regularisation note, sections 6, 7]

@@ -318,7 +318,7 @@ bool BasicWalk<Config>::leave_surfaces(bool found, SurfaceHit& hit) {
   while (found && goes_through(hit, origin_.vertex.p)) {
     if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
     ray_ = spawn_ray(hit, ray_.direction);
-    if (++passes_ >= kMostPasses) return false;
+    if (++passes_ >= kMaxPasses) return false;
     ++tallies_.rays;
     found = scene_.intersect(ray_, hit);
   }
@@ -450,7 +450,7 @@ template <class Config>
 bool BasicWalk<Config>::pass_straight(const SurfaceHit& hit) {
   if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
   ray_ = spawn_ray(hit, ray_.direction);
-  return ++passes_ < kMostPasses;
+  return ++passes_ < kMaxPasses;
 }
 
 // The lens does not stop the walk, and it is met whether or not a flight through a medium would have got

@@ -19,7 +19,7 @@ double share(std::uint64_t some, std::uint64_t all) {
 Result<std::string> decide_photon_chains(const DecisionInput& input, Carry& carry) {
   CANDELA_ASSIGN(const double first,
                  adaptive::get_number(input.plan.constants, std::string(photon_chains::kFirstStep)));
-  if (!(first >= photon_chains::kLeastStep && first <= photon_chains::kMostStep))
+  if (!(first >= photon_chains::kMinStep && first <= photon_chains::kMaxStep))
     return failed_error(fmt::format("the first step of the rule '{}' is out of bounds", input.plan.rule));
   const film::AccumulatorSpec spec = photon_chains::spec(input.width, input.height);
   const bool counts = !carry.sums.empty();

@@ -124,7 +124,7 @@ class HiddenTable {
   }
   // Rounds in the study's seconds, a multiple of 2^(kHiddenLevels - 1).
   Result<std::uint64_t> rounds_of(const Method& method, std::uint64_t round) const {
-    constexpr std::uint64_t kLeast = 1 << (kHiddenLevels - 1);
+    constexpr std::uint64_t kMin = 1 << (kHiddenLevels - 1);
     CANDELA_ASSIGN(const auto estimator, start(method, 1));
     std::uint64_t rounds = 0;
     double seconds = 0;
@@ -134,7 +134,7 @@ class HiddenTable {
       seconds = cost.cpu_seconds;
     }
     const auto all = static_cast<std::uint64_t>(static_cast<double>(rounds) * sizes_.seconds / seconds);
-    return std::max(kLeast, all / kLeast * kLeast);
+    return std::max(kMin, all / kMin * kMin);
   }
 
   Result<void> measure(const Method& method, const Truth& truth) {

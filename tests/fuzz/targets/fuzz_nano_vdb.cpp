@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kPatchedBytes = 400'000;
 // So that no input takes gigabytes.
-constexpr std::uint64_t kMostValues = std::uint64_t{1} << 18;
+constexpr std::uint64_t kMaxValues = std::uint64_t{1} << 18;
 
 std::string patched(const std::uint8_t* data, std::size_t size) {
   std::string file(kPatchedBytes, '\0');
@@ -32,14 +32,14 @@ std::string patched(const std::uint8_t* data, std::size_t size) {
 }
 
 void check(std::string_view bytes, const char* grid) {
-  const auto volume = candela::loaders::load_nano_vdb(bytes, "x.nvdb", grid, kMostValues);
+  const auto volume = candela::loaders::load_nano_vdb(bytes, "x.nvdb", grid, kMaxValues);
   if (!volume.ok()) {
     if (volume.error().to_string().find('\n') != std::string::npos) std::abort();
     return;
   }
   const auto& n = volume->size;
   if (volume->channels != 1 || volume->values.size() != std::size_t{n[0]} * n[1] * n[2]) std::abort();
-  if (volume->values.empty() || volume->values.size() > kMostValues) std::abort();
+  if (volume->values.empty() || volume->values.size() > kMaxValues) std::abort();
   for (const float v : volume->values)
     if (!std::isfinite(v) || v < 0) std::abort();
 }

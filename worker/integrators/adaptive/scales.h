@@ -14,7 +14,7 @@
 namespace candela::integrators::adaptive {
 
 // Kernels cannot take less.
-inline constexpr double kLeastRadius = 1e-12;
+inline constexpr double kMinRadius = 1e-12;
 
 template <class Mis>
 class MappedScales {
@@ -61,7 +61,7 @@ class MappedScales {
     return std::max(radii[median], radii[largest] / 8);
   }
 
-  static double at_least(double radius) { return std::max(radius, kLeastRadius); }
+  static double at_least(double radius) { return std::max(radius, kMinRadius); }
 
   const merging::MergeRules& rules_;
   const estimators::Techniques& techniques_;

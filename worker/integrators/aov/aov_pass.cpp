@@ -102,7 +102,7 @@ class Eye {
     const scene::Scene& scene = context_.scene;
     Ray ray = camera_ray;
     Spectrum passed(1.0f);
-    for (std::uint32_t pass = 0; pass < transport::kMostPasses; ++pass) {
+    for (std::uint32_t pass = 0; pass < transport::kMaxPasses; ++pass) {
       ++tallies_.rays;
       if (!scene.intersect(ray, seen.hit)) return false;
       if (!reads_bsdf_ || !passes(ray, pass, seen, passed)) {

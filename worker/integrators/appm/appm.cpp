@@ -43,7 +43,7 @@ class MakeMoments {
   }
 
  private:
-  static double clamped(double radius) { return std::max(radius, adaptive::kLeastRadius); }
+  static double clamped(double radius) { return std::max(radius, adaptive::kMinRadius); }
 
   transport::Kernel kernel_;
   adaptive::Adaptation adaptation_;

@@ -104,7 +104,7 @@ class McppmIntegrator final : public IterationIntegrator {
   Result<Decided> read(std::string_view bytes) const {
     DecisionReader in(bytes, splits() ? kSplitKind : kKind);
     Decided decided{};
-    decided.radius = in.real(merging::kLeastRadius, merging::kGreatestRadius);
+    decided.radius = in.real(merging::kMinRadius, merging::kGreatestRadius);
     decided.chains = in.count(2) == 1;
     if (splits()) {
       constexpr std::uint64_t kEnd = 1ULL << 48;

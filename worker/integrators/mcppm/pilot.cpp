@@ -16,7 +16,7 @@ namespace candela::integrators::mcppm {
 namespace {
 
 constexpr double kPilotPixels = 256 * 256;
-constexpr std::uint64_t kFewestPaths = 1 << 12, kMostPaths = 1 << 14;
+constexpr std::uint64_t kFewestPaths = 1 << 12, kMaxPaths = 1 << 14;
 constexpr std::uint64_t kPilotSeed = 0x6d6370696c6f74ULL;  // "mcpilot"
 
 }  // namespace
@@ -37,7 +37,7 @@ Result<VisibleFraction> visible_fraction(transport::Between between, const UnitC
   const double small_pixels = static_cast<double>(small.width) * small.height;
   const double small_radius = merging::clamped_radius(radius * std::sqrt(pixels / small_pixels));
   const std::uint64_t light_paths =
-      std::clamp(merging::light_path_count(options.merge, context), kFewestPaths, kMostPaths);
+      std::clamp(merging::light_path_count(options.merge, context), kFewestPaths, kMaxPaths);
   const estimators::PathCounts counts{small_pixels, static_cast<double>(light_paths),
                                       static_cast<float>(context.filter.radius())};
   const transport::MergeScale scale = merging::make_scale<transport::Unweighted>(
@@ -72,10 +72,10 @@ bool decide_chains(const VisibleFraction& fraction, const IterationSize& size, b
       fraction.visible == 0
           ? fmt::format("none of a pilot's {} light paths is visible to eye paths", fraction.light_paths)
           : fmt::format("{:.3g} % of a pilot's light paths are visible to eye paths", 100 * fraction.value());
-  if (!full && fraction.value() > kMostVisible) {
+  if (!full && fraction.value() > kMaxVisible) {
     plan.skip("chains of visible photons",
               fmt::format("{}: above {:.0f} % chains do not pay, so this is ppm; plan=full has them", found,
-                          100 * kMostVisible));
+                          100 * kMaxVisible));
     return false;
   }
   plan.use("chains of visible photons", fmt::format("{}; an iteration has {} light paths and {} mutations",

@@ -10,7 +10,7 @@
 namespace candela::integrators::mcppm {
 
 // Chains do not pay if more of the light paths are visible [metropolis-photons note, section 8].
-inline constexpr double kMostVisible = 0.2;
+inline constexpr double kMaxVisible = 0.2;
 // With fewer visible paths an iteration is dark or flickers, whatever the number of mutations (ibid.).
 inline constexpr double kFewestVisible = 10;
 

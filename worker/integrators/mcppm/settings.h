@@ -28,7 +28,7 @@ struct McppmSettings {
     visit("split", split,
           "pilot: splits the sum of light paths and mutations anew, by the visible fraction that it finds");
     visit(
-        "step", step, NumberRange{photon_chains::kLeastStep, photon_chains::kMostStep},
+        "step", step, NumberRange{photon_chains::kMinStep, photon_chains::kMaxStep},
         "largest distance by which a mutation moves a random number, until an epoch's acceptance decides it");
     epochs.fields(visit,
                   "iterations of the shortest epoch, an even number: the step is decided once an epoch");

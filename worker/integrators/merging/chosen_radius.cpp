@@ -15,7 +15,7 @@ namespace candela::integrators::merging {
 namespace {
 
 // Light paths of the pilot: those of an iteration, within these.
-constexpr double kFewestPaths = 1 << 11, kMostPaths = 1 << 14;
+constexpr double kFewestPaths = 1 << 11, kMaxPaths = 1 << 14;
 constexpr int kGrid = 16;  // by as many eye paths
 
 constexpr std::string_view kKind = "rad1";  // of the decision
@@ -24,7 +24,7 @@ ChosenRadius automatic_radius(const UnitContext& context, const MergeRules& rule
                               const estimators::PathOptions& options,
                               const estimators::Techniques& techniques) {
   const auto paths = static_cast<double>(light_path_count(rules, context));
-  const double pilot_paths = std::clamp(std::floor(paths), kFewestPaths, kMostPaths);
+  const double pilot_paths = std::clamp(std::floor(paths), kFewestPaths, kMaxPaths);
   // If the pilot has more light paths than an iteration, more of its photons are within the radius.
   const double neighbors = std::min(kAutomaticPhotons * std::max(1.0, pilot_paths / paths), pilot_paths / 4);
   const NeighborPilot pilot{static_cast<std::uint64_t>(pilot_paths), kGrid,
@@ -103,7 +103,7 @@ std::string radius_bytes(double radius) {
 Result<double> decided_radius(const UnitInput& input, const IterationOptions& options) {
   if (!options.techniques.merges()) return 1.0;
   DecisionReader in(input.state.decided, kKind);
-  const double radius = in.real(kLeastRadius, kGreatestRadius);
+  const double radius = in.real(kMinRadius, kGreatestRadius);
   CANDELA_TRY(in.done());
   return radius;
 }

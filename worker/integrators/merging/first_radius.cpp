@@ -47,7 +47,7 @@ double first_radius(const UnitContext& context, double fraction, double pixels) 
 }
 
 double clamped_radius(double radius) {
-  return std::clamp(radius, kLeastRadius, kGreatestRadius);
+  return std::clamp(radius, kMinRadius, kGreatestRadius);
 }
 
 }  // namespace candela::integrators::merging

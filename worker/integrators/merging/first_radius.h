@@ -15,7 +15,7 @@ double first_radius(const UnitContext& context, double fraction, double pixels);
 double pixel_footprint(const UnitContext& context);
 
 // Bounds of radii for DiscKernel and BallKernel.
-inline constexpr double kLeastRadius = 1e-12, kGreatestRadius = 1e12;
+inline constexpr double kMinRadius = 1e-12, kGreatestRadius = 1e12;
 double clamped_radius(double radius);
 
 }  // namespace candela::integrators::merging

@@ -90,7 +90,7 @@ class OptimisIntegrator final : public IterationIntegrator {
     const double ratio = trial(context).ratio();
     optimis::tell_trial(ratio, decision.plan);
     DecisionWriter out(kKind);
-    out.count(ratio <= optimis::kMostVariance ? kOptimal : kBalance);
+    out.count(ratio <= optimis::kMaxVariance ? kOptimal : kBalance);
     decision.bytes = out.bytes();
     return decision;
   }

@@ -247,7 +247,7 @@ void describe_read_out(const OptimisSettings& settings, const scene::SceneFeatur
 void tell_trial(double ratio, Plan& plan) {
   const std::string found = fmt::format("{:.3g} of the balance heuristic's variance after {} iterations",
                                         ratio, 2 * kTrialIterations);
-  if (ratio <= kMostVariance) {
+  if (ratio <= kMaxVariance) {
     for (PlanItem& item : plan.items)
       if (item.technique == kOptimal) item.reason += "; a trial found " + found;
     return;

@@ -27,7 +27,7 @@ struct PlannedFirstVertex {
 
 // Optimal weights stay if they leave no more than this of the balance heuristic's variance: sums and reading
 // the image cost 6 to 8 % of the time of direct light (docs/studies/mis-scenes.md).
-inline constexpr double kMostVariance = 0.94;
+inline constexpr double kMaxVariance = 0.94;
 // Iterations of a pixel in the trial, of either half.
 inline constexpr std::uint64_t kTrialIterations = 32;
 // Says in the plan what the trial found: the variance by optimal weights over that by the balance heuristic.

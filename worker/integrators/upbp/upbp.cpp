@@ -297,7 +297,7 @@ Result<UpbpIntegrator::Decided> UpbpIntegrator::read_decision(std::string_view b
   DecisionReader in(bytes, kKind);
   Decided decided;
   decided.variant = in.count(variants_.size());
-  decided.radius = in.real(merging::kLeastRadius, merging::kGreatestRadius);
+  decided.radius = in.real(merging::kMinRadius, merging::kGreatestRadius);
   for (double* hits : {&decided.hits.point_point, &decided.hits.point_beam, &decided.hits.beam_point,
                        &decided.hits.beam_beam})
     *hits = in.real(0, std::numeric_limits<double>::max());

@@ -183,7 +183,7 @@ void SubpathWalk::set_met(const scene::CanonicalPoint& point) {
 SubpathWalk::Arrival SubpathWalk::arrive(bool lens) {
   const bool straight = scene_.features().any_straight;
   const Vec3d line = normalize(Vec3d(direction_));
-  for (std::uint32_t passes = 0; passes < transport::kMostPasses; ++passes) {
+  for (std::uint32_t passes = 0; passes < transport::kMaxPasses; ++passes) {
     const auto point = scene_.points().intersect(ray_, origin_, line);
     if (context_.rays != nullptr) ++*context_.rays;
     if (point) set_met(*point);

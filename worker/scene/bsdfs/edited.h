@@ -48,7 +48,7 @@ struct SceneEdits {
 
 // Edits that one surface has: of each kind of scattering.
 struct SurfaceEdits {
-  static constexpr std::size_t kMost = 4;  // of light, and as many of the eye
+  static constexpr std::size_t kMax = 4;  // of light, and as many of the eye
   // Bit k: edit k of the list takes part.
   struct Treatment {
     std::uint16_t of_light = 0, of_eye = 0;

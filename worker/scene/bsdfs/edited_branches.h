@@ -9,7 +9,7 @@
 
 namespace candela::scene::edited {
 
-inline constexpr std::size_t kMaxBranches = std::size_t{1} << SurfaceEdits::kMost;
+inline constexpr std::size_t kMaxBranches = std::size_t{1} << SurfaceEdits::kMax;
 
 // A direction that light along another one may have been meant for.
 struct Branch {

@@ -172,7 +172,7 @@ void EditedWalk::find_alternatives(Vec3 wo, TransportMode mode, bool verdict, Al
   const bool bumpy = !(base_.ng == Vec3{0, 0, 1});
   // The different sets of edits that states have.
   struct Sets {
-    std::array<std::uint16_t, edits::PathStates::kMost> at{};
+    std::array<std::uint16_t, edits::PathStates::kMax> at{};
     std::size_t count = 0;
     void add(std::uint16_t bits) {
       if (std::find(at.begin(), at.begin() + count, bits) == at.begin() + count) at[count++] = bits;

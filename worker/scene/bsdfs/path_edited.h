@@ -105,7 +105,7 @@ class EditedWalk {
   using Class = edits::PathStates::Class;
   using Classes = std::array<std::array<Class, 2>, 3>;  // [lobe][transmitted]
   enum Lobe : std::uint8_t { diffuse, glossy, delta };
-  using Shares = std::array<Spectrum, edits::PathStates::kMost>;
+  using Shares = std::array<Spectrum, edits::PathStates::kMax>;
   struct Edge {
     State own = 0;  // of the walk's end
     Shares share;   // by state of the other end

@@ -79,7 +79,7 @@ TurningLobes turning_lobes(const Closure& closure, Vec3 wo, float u_lobe, Vec2 u
     return list;
   }
   const std::vector<TurningLobe> all = lobes_by_direction(closure, wo, mode);
-  if (all.size() > TurningLobes::kMost) return two_of(all, u_lobe);
+  if (all.size() > TurningLobes::kMax) return two_of(all, u_lobe);
   TurningLobes list;
   for (const TurningLobe& lobe : all) list.lobes[list.count++] = lobe;
   return list;

@@ -38,9 +38,9 @@ class Phase {
     return phase;
   }
 
-  // `share` of the second, in [0, 1], and the rest of the first. False: they are made of more than kMostParts
+  // `share` of the second, in [0, 1], and the rest of the first. False: they are made of more than kMaxParts
   // together.
-  static constexpr std::size_t kMostParts = 4;
+  static constexpr std::size_t kMaxParts = 4;
   static bool blend(const Phase& first, const Phase& second, float share, Phase& out) {
     out = {};
     out.kind_ = PhaseKind::blend;
@@ -151,7 +151,7 @@ class Phase {
       return all;
     }
     if (!(weight > 0)) return true;
-    if (part_count_ == kMostParts) return false;
+    if (part_count_ == kMaxParts) return false;
     parts_[part_count_++] = {phase.kind_, phase.g_, weight};
     g_ += weight * phase.g_;
     return true;
@@ -160,7 +160,7 @@ class Phase {
   PhaseKind kind_ = PhaseKind::isotropic;
   std::uint8_t part_count_ = 0;
   float g_ = 0;  // of a blend: the mean cosine
-  std::array<Part, kMostParts> parts_{};
+  std::array<Part, kMaxParts> parts_{};
 };
 
 }  // namespace candela::scene

@@ -270,7 +270,7 @@ Result<loaders::ObjMesh> mesh_of_file(const description::Object& object, const d
     const int line = object.where.file == file ? object.where.line : 1;
     if (curves > 0) {
       CANDELA_ASSIGN(const auto pieces, loaders::load_pbrt_curves(bytes.view, file, offset, line, curves,
-                                                                  loaders::kMostCubicPieces, budget));
+                                                                  loaders::kMaxCubicPieces, budget));
       CANDELA_ASSIGN(mesh, at_shape(object, piecewise_tubes(pieces)));
     } else {
       CANDELA_ASSIGN(mesh, loaders::load_pbrt_shape(bytes.view, file, offset, line, origin, budget));

@@ -13,18 +13,18 @@
 
 namespace candela::scene {
 
-constexpr std::size_t kMostTubeTriangles = std::size_t{1} << 28;
+constexpr std::size_t kMaxTubeTriangles = std::size_t{1} << 28;
 
 // A uniform cubic B-spline through each curve's control points (four or more), without caps at the ends.
 Result<loaders::Mesh> bspline_tubes(const std::vector<loaders::Curve>& curves,
-                                    std::size_t max_triangles = kMostTubeTriangles);
+                                    std::size_t max_triangles = kMaxTubeTriangles);
 
 // Straight segments from point to point, mitered where they meet, without caps at the ends.
 Result<loaders::Mesh> linear_tubes(const std::vector<loaders::Curve>& curves,
-                                   std::size_t max_triangles = kMostTubeTriangles);
+                                   std::size_t max_triangles = kMaxTubeTriangles);
 
 // The cubic pieces of each list, joined. u goes along a curve and v around it, as in pbrt.
 Result<loaders::Mesh> piecewise_tubes(const std::vector<loaders::PieceList>& curves,
-                                      std::size_t max_triangles = kMostTubeTriangles);
+                                      std::size_t max_triangles = kMaxTubeTriangles);
 
 }  // namespace candela::scene

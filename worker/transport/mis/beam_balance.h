@@ -76,7 +76,7 @@ struct BeamBalance : BalancePower<1> {
   // The pending merges in media. Those of long beams at the vertex left are divided by `survival`, of the
   // edge under way.
   static double pending_medium(const Departure& d, double survival) {
-    return d.carried.pending_medium + d.long_beams / std::max(survival, MediumMerges::kLeastSurvival);
+    return d.carried.pending_medium + d.long_beams / std::max(survival, MediumMerges::kMinSurvival);
   }
   static double sum_departure(const Departure& d, const MergeFactors& eta, double survival) {
     Block carried = d.carried;

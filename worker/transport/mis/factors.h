@@ -17,9 +17,9 @@ struct MediumMerges {
   bool long_photon_beams = false, long_query_beams = false;
 
   // The least survival that counts. Smaller ones would let the quotients overflow.
-  static constexpr double kLeastSurvival = 1e-30;
-  double light_survival(double edge) const { return long_photon_beams ? std::max(edge, kLeastSurvival) : 1; }
-  double eye_survival(double edge) const { return long_query_beams ? std::max(edge, kLeastSurvival) : 1; }
+  static constexpr double kMinSurvival = 1e-30;
+  double light_survival(double edge) const { return long_photon_beams ? std::max(edge, kMinSurvival) : 1; }
+  double eye_survival(double edge) const { return long_query_beams ? std::max(edge, kMinSurvival) : 1; }
 
   // The sum at a vertex where light turns by an angle of this sine. Hazards: where the light's subpath has
   // the vertex, and where the eye's has it; one and the same but in a merge. Survivals: of the edge by which

@@ -133,11 +133,11 @@ Path with_segment(const Path& path, const Segment& segment, const manifold::Chai
 }
 
 bool SceneSurfaces::meet(std::size_t i, const ChainVertex& from, Vec3d towards, ChainVertex& out) const {
-  constexpr std::uint32_t kMostPasses = 1000;
+  constexpr std::uint32_t kMaxPasses = 1000;
   const Vec3d d = normalize(towards - from.x);
   const double side = dot(d, from.ng) < 0 ? -from.error : from.error;
   Ray ray{Vec3(from.x + from.ng * side), Vec3(d)};
-  for (std::uint32_t passes = 0; passes < kMostPasses; ++passes) {
+  for (std::uint32_t passes = 0; passes < kMaxPasses; ++passes) {
     const auto point = scene_.points().intersect(ray, from.x, d);
     if (rays_ != nullptr) ++*rays_;
     if (!point) return false;

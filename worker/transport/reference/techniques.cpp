@@ -48,7 +48,7 @@ std::vector<Technique> list_techniques(const PathNumbers& n, const Counts& count
     const std::uint32_t m = n.medium[s];
     const double r = counts.radius_ratio(m);
     const auto reach = [&](const std::vector<bool>& are_long, std::size_t edge) {
-      return Counts::in(are_long, m) ? std::max(n.survival[edge], MediumMerges::kLeastSurvival) : 1;
+      return Counts::in(are_long, m) ? std::max(n.survival[edge], MediumMerges::kMinSurvival) : 1;
     };
     const double light = n.factor_to_light[s] * reach(counts.long_photon_beams, s - 1),
                  eye = n.factor_to_eye[s] * reach(counts.long_query_beams, s);

@@ -9,10 +9,10 @@
 namespace candela::transport {
 
 struct PhotonBatch {
-  static constexpr std::size_t kMost = 64;
+  static constexpr std::size_t kMax = 64;
   std::size_t count = 0;
-  float x[kMost], y[kMost], z[kMost];  // offset from the eye's vertex
-  float weight[kMost];
+  float x[kMax], y[kMax], z[kMax];  // offset from the eye's vertex
+  float weight[kMax];
 
   // False: that was the last place.
   bool add(Vec3 offset, float w) {
@@ -20,7 +20,7 @@ struct PhotonBatch {
     y[count] = offset.y;
     z[count] = offset.z;
     weight[count] = w;
-    return ++count < kMost;
+    return ++count < kMax;
   }
 };
 

@@ -17,7 +17,7 @@ namespace candela::transport {
 class Sectors {
  public:
   static constexpr std::size_t kCount = adaptive::kSectorChannels;
-  using Channels = std::array<std::int32_t, PhotonBatch::kMost>;
+  using Channels = std::array<std::int32_t, PhotonBatch::kMax>;
 
   void start(const ScatterPoint& v, const MergeScale& scale) {
     surface_ = v.on_surface();

@@ -95,7 +95,7 @@ class WeightedSectors {
   Phi phi_;
   Sectors sectors_;
   PhotonBatch photons_;  // weights: luminance, or red
-  float green_[PhotonBatch::kMost], blue_[PhotonBatch::kMost];
+  float green_[PhotonBatch::kMax], blue_[PhotonBatch::kMax];
   bool any_ = false;
   std::array<double, kColors * Sectors::kCount> sums_{};
   std::array<double, kColors> squares_{};

@@ -4,7 +4,7 @@
 // w: where the photon's light came from. The flux per area is radiance times the cosine of the geometry; the
 // bsdf wants that of the shading normal. Both are taken at the eye's vertex, so that on curved and cornered
 // surfaces their quotient stays near 1 where the photon's own cosine may be anything, but see
-// kLeastOfOwnCosine. In a medium it adds
+// kMinOfOwnCosine. In a medium it adds
 //   beta sigma_s p(wo, w) flux K_r(d) / light_path_count,
 // beta having the sigma_s of the eye's vertex.
 //
@@ -51,7 +51,7 @@ struct MergeMaps {
 // The cosine that is divided by is at least this share of the photon's own. On one face the two are equal,
 // and photons get few as the cosine goes to 0. A photon of another face may graze the eye's and be one of
 // many: over edges of coarse meshes with smooth normals the quotient would make bright lines and fireflies.
-inline constexpr float kLeastOfOwnCosine = 0.5f;
+inline constexpr float kMinOfOwnCosine = 0.5f;
 
 // The weight. eta > 0.
 inline double merge_weight(double eta, double light_sum, double eye_sum) {
@@ -88,7 +88,7 @@ class SurfaceMerge {
     if (value.is_black() || maps_.leaves(photon, pdf)) return;
     value *= photon.flux;
     if constexpr (Edits::kEdits) value *= edits_.share(v_.hit.shading.to_local(v_.wo), wi.local);
-    const float cosine = std::max(v_.density_factor(photon.wo), kLeastOfOwnCosine * photon.cosine());
+    const float cosine = std::max(v_.density_factor(photon.wo), kMinOfOwnCosine * photon.cosine());
     float kernel = scale_.disc.value(d2);
     if constexpr (Statistics::kReaches) kernel = within(d2, scale_.disc_radius) ? kernel : 0;
     float factor = kernel / cosine;
