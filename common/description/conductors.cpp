@@ -25,7 +25,7 @@ struct Material {
   Vec3 eta, k;
 };
 
-constexpr std::array<Material, 41> materials = {{
+constexpr std::array<Material, 41> kConductors = {{
     {"a-C", false, {2.944, 2.2271, 1.9682}, {0.88747, 0.7993, 0.81529}},
     {"Ag", false, {0.15528, 0.11673, 0.13839}, {4.8284, 3.1222, 2.1469}},
     {"Al", false, {1.6575, 0.88041, 0.52124}, {9.2238, 6.2695, 4.837}},
@@ -72,7 +72,7 @@ constexpr std::array<Material, 41> materials = {{
 }  // namespace
 
 std::optional<ConductorIndex> named_conductor(std::string_view name) {
-  for (const Material& material : materials) {
+  for (const Material& material : kConductors) {
     if (name == material.name) return ConductorIndex{material.eta, material.k};
     if (material.palik && name.starts_with(material.name) && name.substr(material.name.size()) == "_palik")
       return ConductorIndex{material.eta, material.k};
@@ -82,7 +82,7 @@ std::optional<ConductorIndex> named_conductor(std::string_view name) {
 
 std::vector<std::string> conductor_names() {
   std::vector<std::string> names;
-  for (const Material& material : materials) {
+  for (const Material& material : kConductors) {
     names.emplace_back(material.name);
     if (material.palik) names.push_back(std::string(material.name) + "_palik");
   }
