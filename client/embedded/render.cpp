@@ -123,7 +123,10 @@ Result<std::string> find_job(FarmClient& farm, const RendererFacts& facts, Loade
   CANDELA_ASSIGN(const film::HalfSets indices, wire::indices_of(job.stop()));
   if (!film::empty(scene.job.indices) && scene.job.indices != indices)
     return mismatch("--indices are not those of the render that was begun");
-  CANDELA_ASSIGN(const JobSettings was, wire::from_proto(job.settings()));
+  CANDELA_ASSIGN(JobSettings was, wire::from_proto(job.settings()));
+  // An older build did not know all present settings, and knew some that are gone.
+  if (auto present = facts.complete_settings(was.integrator, {}, was.integrator_settings))
+    was.integrator_settings = *std::move(present);
   CANDELA_TRY(keep_effort_of(was, facts, scene.job));
   if (const std::string text = difference(scene.job.settings, was); !text.empty())
     return mismatch("settings differ: " + text);

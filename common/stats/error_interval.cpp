@@ -23,7 +23,11 @@ constexpr double kBoth = 1.41421356;
 // Shares of the noise that the upper end adds for light that was found too rarely to be in the noise, and for
 // light that both groups of chains have found too often or too rarely alike.
 constexpr double kUnseen = 0.5, kUnseenByChains = 1;
-constexpr double kStandsOut = 0.5;       // standard errors
+constexpr double kStandsOut = 0.5;  // standard errors
+// From so many iterations of each half on the movement has two groups, unless an older build merged them:
+// then the prior stands for the bias.
+constexpr double kKnown = 4;
+constexpr double kUnknown = 100;         // its standard error, of the prior's mean
 constexpr double kFewIterations = 32;    // up to here the bias is too uncertain to leave a denominator of 0
 constexpr std::size_t kManyBlocks = 16;  // from so many on the spread of their energies is known
 
@@ -423,8 +427,11 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
     return noise_there + result.unseen + blur.mean + std::hypot(spread, blur.upper - blur.mean);
   };
   Posterior blur;
+  const double expected = context.expected_bias * result.noise;
   if (!bias.a.empty())
-    blur = posterior_of(blur_of(bias, weights, sizes), context.expected_bias * result.noise);
+    blur = posterior_of(blur_of(bias, weights, sizes), expected);
+  else if (context.alpha < 1 && context.movement != nullptr && std::min(blocks.n0, blocks.n1) >= kKnown)
+    blur = posterior_of({0, kUnknown * expected}, expected);
   result.blur = blur.mean;
   result.relmse = result.noise + result.blur;
   result.upper = upper_end(result.noise, blur);

@@ -173,11 +173,11 @@ std::string MovementSums::serialise() const {
   return out;
 }
 
-Result<void> MovementSums::parse(std::string_view bytes) {
+Result<bool> MovementSums::parse(std::string_view bytes) {
   CANDELA_ASSIGN(const std::string_view content, film::unseal(bytes, kMagic, "the movement of the image"));
   film::Reader reader(content);
-  if (std::bit_cast<double>(reader.u64()) != alpha_ || !reader.ok())
-    return input_error("the movement of the image is of another job").with_field("alpha");
+  const auto alpha = std::bit_cast<double>(reader.u64());
+  if (reader.ok() && alpha != alpha_) return false;
   std::array<Half, 2> halves = halves_;
   for (Half& half : halves) {
     half.n = reader.u64();
@@ -195,7 +195,7 @@ Result<void> MovementSums::parse(std::string_view bytes) {
   if (!reader.ok() || !reader.rest().empty())
     return input_error("the movement of the image is cut, or too long").with_field("length");
   halves_ = std::move(halves);
-  return {};
+  return true;
 }
 
 }  // namespace candela::stats

@@ -49,8 +49,9 @@ class MovementSums {
   Movement movement(const film::MergedFilm& film) const;
 
   std::string serialise() const;
-  // Replaces the sums. Fails (input) on anything but the whole of what serialise() made for this layout.
-  Result<void> parse(std::string_view bytes);
+  // Replaces the sums. False: they are of another alpha, and these stay. Fails (input) on anything but the
+  // whole of what serialise() made for this layout.
+  Result<bool> parse(std::string_view bytes);
 
  private:
   struct Half {

@@ -282,10 +282,12 @@ void JobUpkeep::upkeep(const std::string& job_id, bool force) {
     film->close();
     film->release_ahead();  // of a job that a limit of time, or somebody, ended amid a prefix
     if (t < state.retry_at) return;
-    if (view.finishing) estimate_error(job_id, *film, true);
-    // The last checkpoint may have saved the last merge before the rate-limited summary saw it: the film is
-    // clean, and the summary is old.
-    if (view.finishing || film->dirty()) summarize_chains(job_id, *film, true);
+    // The last checkpoint may have saved the last merge before the rate-limited figures saw it: the film is
+    // clean, and they are old.
+    if (view.finishing || film->dirty()) {
+      estimate_error(job_id, *film, true);
+      summarize_chains(job_id, *film, true);
+    }
     if ((film->dirty() || film->generation() == 0) && !save_checkpoint(job_id, *film)) return;
     if (view.finishing) {
       const bool extended = table_.with_scheduler([&](Scheduler& s) {

@@ -280,7 +280,11 @@ Result<ParsedCheckpoint> parse_checkpoint(std::string_view bytes, const Checkpoi
     out.movement.adopt(out.film);
     return out;
   }
-  CANDELA_TRY(out.movement.parse(movement));
+  CANDELA_ASSIGN(const bool known, out.movement.parse(movement));
+  if (!known) {  // another build had another exponent
+    out.movement.adopt(out.film);
+    return out;
+  }
   if (!out.movement.fits(out.film))
     return input_error("the checkpoint has the movement of another image").with_field("movement");
   return out;

@@ -8,8 +8,9 @@ namespace candela::master {
 // epochs and accumulators. 6: jobs that wait for their removal, statistics that were rejected, repeated
 // merges. 7: walks that were ended by a bound. 8: workers that are paused. 9: submitters. 10: audits. 11:
 // exact indices as stop rules, paths of scenes. 12: what pilots decided. 13: groups of frames, jobs that wait
-// for others. 14: builds of jobs.
-inline constexpr int kSchemaVersion = 14;
+// for others. 14: builds of jobs. 15: no other tables; checkpoints have sums of the movement, and records of
+// chains two means, which older programs take for damaged.
+inline constexpr int kSchemaVersion = 15;
 
 inline constexpr const char* kSchema = R"sql(
 CREATE TABLE counters (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;

@@ -48,7 +48,7 @@ Result<void> SqliteStore::initialise() {
   if (made.ok() && found != 0 && found < 11) made = execute(kFromVersion10);
   if (made.ok() && found != 0 && found < 12) made = execute(kFromVersion11);
   if (made.ok() && found != 0 && found < 13) made = execute(kFromVersion12);
-  if (made.ok() && found != 0) made = execute(kFromVersion13);
+  if (made.ok() && found != 0 && found < 14) made = execute(kFromVersion13);
   if (made.ok()) made = execute(kAuditSecret);
   if (made.ok()) made = execute(fmt::format("PRAGMA user_version={}", kSchemaVersion).c_str());
   if (made.ok()) made = execute("COMMIT");

@@ -84,7 +84,7 @@ TEST(EditRenderers, RefuseByName) {
   const std::string border = R"(<shape type="sphere"><bsdf type="null"/></shape>)";
   EXPECT_EQ(error_of(kBox + border, "path", light("LX*X")), "none") << "a null surface is no vertex";
   EXPECT_NE(error_of(kBox, "path", light("LX*S{bull}")).find("edit 'a', column 4"), std::string::npos);
-  EXPECT_NE(error_of(kBox, "vcm", light("LDS")).find("more of the path"), std::string::npos);
+  EXPECT_EQ(error_of(kBox, "vcm", light("LX+S")), "none");
   EXPECT_EQ(error_of(kBox, "path", light("LX+S")), "none");
   EXPECT_NE(error_of(kBox, "light", light("LDS")).find("tell D from G at the surface 'walls'"),
             std::string::npos)

@@ -396,6 +396,10 @@ TEST(StoreVersions, TheThirteenthLearnsBuilds) {
     begun.builds = queued.builds = {"0.1.0-a", "0.1.0-b"};
     ASSERT_TRUE(store.write(std::vector<Change>{PutJob{begun}, PutJob{queued}}).ok());
   });
+  // Version 14 has the present tables.
+  Database(path).execute("PRAGMA user_version=14");
+  expect_present(path, present,
+                 [&](Store&, const StoredState& state) { EXPECT_EQ(state.jobs.at(0).builds, begun.builds); });
 }
 
 // Claim: columns are found by their names, wherever in their table they stand; one that is missing is an

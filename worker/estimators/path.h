@@ -155,7 +155,9 @@ class PathTracer {
   }
 
   bool scatters_soon(const scene::Medium& medium) const {
-    return medium.homogeneous() && medium.max_sigma_t().max_component() * scene_.features().radius > kSoon;
+    if (!medium.homogeneous()) return false;
+    const float lengths = medium.max_sigma_t().max_component() * scene_.features().radius;
+    return lengths > kSoon && lengths * kEndOfMedium < 1;
   }
   // Draws the flight before the ray is traced, which need not be longer then, and scatters if there is no
   // surface on the way. Nothing: there may be one.
@@ -166,7 +168,10 @@ class PathTracer {
     // The medium ends before the next surface by its error over the cosine (inside_medium).
     Ray ray = ray_;
     ray.t_max = std::min(ray.t_max, flight.distance + kEndOfMedium * scene_.features().radius);
-    if (scene_.intersect(ray, hit)) return std::nullopt;
+    if (scene_.intersect(ray, hit)) {
+      ++rays_;  // the whole one follows
+      return std::nullopt;
+    }
     throughput_ *= flight.weight;
     if (throughput_.is_black()) return false;
     transport::medium_vertex(ray_, flight.distance, hit);

@@ -104,8 +104,6 @@ Result<void> check_parts(const letters::LayerRequest& request, const WorkPlan& w
   return {};
 }
 
-// Adds to the integrator's work the layers of expressions: of chains one for the part of each that the chains
-// bring, then one for the rest (common/chains/chains.h).
 // Edits that select by more of the path than the vertex, in tools and beside layers.
 Result<void> check_path_edits(const scene::Scene& scene, const JobSettings& settings) {
   const scene::PathEdits* const edits = scene.objects().path_edits.get();
@@ -119,6 +117,8 @@ Result<void> check_path_edits(const scene::Scene& scene, const JobSettings& sett
       .with_mend("render layers and these edits in two jobs, or select from the vertex alone: LX*X{wall}");
 }
 
+// Adds to the integrator's work the layers of expressions: of chains one for the part of each that the chains
+// bring, then one for the rest (common/chains/chains.h).
 WorkPlan with_layers(WorkPlan work, const letters::LayerRequest& request) {
   for (const letters::NamedExpression& layer : request.layers) work.layers.push_back(layer.name);
   if (work.chains)

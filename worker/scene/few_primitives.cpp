@@ -108,7 +108,7 @@ std::unique_ptr<FewPrimitives> FewPrimitives::build(const Geometry& geometry) {
   for (std::uint32_t i = 0; i < cylinders; ++i) {
     const Cylinder& cylinder = geometry.cylinders[i].cylinder;
     few->add_round(PrimitiveKind::cylinder, i, cylinder.base + cylinder.axes[2] * (cylinder.length / 2),
-                   std::hypot(cylinder.radius, cylinder.length / 2));
+                   std::sqrt(cylinder.radius * cylinder.radius + cylinder.length * cylinder.length / 4));
   }
   return few;
 }
