@@ -81,8 +81,7 @@ std::vector<double> render_batch(const TestScene& scene, const NamedState& state
   }
   auto output = renderer->make_output(state);
   const auto& film = output.film;
-  const auto done =
-      renderer->run({Unit::Kind::iterations, half, first, first + iterations}, {state, {}, {}}, output, run);
+  const auto done = renderer->run({Unit::Kind::iterations, half, first, first + iterations}, {}, output, run);
   if (!done.ok()) throw std::runtime_error(done.error().to_string());
   tallies = film->tallies();
   proofs::film(statistical::identity(scene), {film->sums(), film->layout().pixel_count() * 3});
