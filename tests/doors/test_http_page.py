@@ -46,7 +46,7 @@ with tempfile.TemporaryDirectory(prefix="candela-http-") as scratch:
                               capture_output=True, timeout=300, check=False)
         print(done.stdout, done.stderr)
         assert done.returncode == 0, "a command of docs/http.md fails"
-        assert "by-http" in done.stdout and "\n5\n" in done.stdout and "\n32\n" in done.stdout and "\nhttp\n" in done.stdout
+        assert "by-http" in done.stdout and "\n5\n" in done.stdout and "\n528\n" in done.stdout and "\nhttp\n" in done.stdout
         assert json.loads((folder / "answer.json").read_text())["existed"] is False
         assert (folder / "image.exr").read_bytes()[:4] == b"v/1\x01" and (folder / "image.png").read_bytes()[:4] == b"\x89PNG"
     finally:
