@@ -33,7 +33,7 @@ Normalisation from_sums(double sum, double square_sum, std::uint64_t samples) {
   return result;
 }
 
-// Of one large step: its part that is mollified, and its regular part.
+// The mollified part of one large step, and its regular part.
 struct MollifiedSums {
   double steps = 0, chains = 0;
   double start_share = 0;

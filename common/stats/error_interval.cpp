@@ -15,7 +15,7 @@ namespace {
 constexpr std::uint32_t kReach = 2;  // pixels around one that its denominator is smoothed over
 constexpr double kNormal = 1.645;    // one-sided 95 %
 constexpr double kTail = 0.05;
-// Of the bias of merging. Its upper end is added to those of other parts, so that all together are exceeded
+// The bias of merging. Its upper end is added to those of other parts, so that all together are exceeded
 // less often.
 constexpr double kTailOfBias = 0.15;
 // The image's own error spreads about what is expected as much as the estimate does.

@@ -45,7 +45,7 @@ MovementSums::MovementSums(const film::Layout& layout, double alpha) : alpha_(al
   }
 }
 
-// Of the indices [from, to) of each half, which are the iterations [2 from, 2 to).
+// The indices [from, to) of each half, which are the iterations [2 from, 2 to).
 std::uint64_t MovementSums::weight_of(std::uint64_t from, std::uint64_t to) const {
   const double mean =
       mean_movement_weight(2 * static_cast<double>(from), 2 * static_cast<double>(to), alpha_);

@@ -27,10 +27,10 @@ constexpr std::uint64_t end_of_group(std::uint64_t index) {
 
 class MovementSums {
  public:
-  // Of such sums of an image.
+  // Bytes of such sums of an image.
   static std::uint64_t memory_bytes(std::uint32_t width, std::uint32_t height);
   MovementSums() = default;  // of a job whose image does not move: nothing has an effect on them
-  // Of a job with this film, whose squared bias falls as ErrorContext::alpha says. alpha = 1: as above.
+  // The job has this film, and its squared bias falls as ErrorContext::alpha says. alpha = 1: as above.
   MovementSums(const film::Layout& layout, double alpha);
 
   // False: the job's image does not move.

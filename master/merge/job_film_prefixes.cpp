@@ -1,4 +1,4 @@
-// What a job's film holds beyond the border of its prefix.
+// The film of a job beyond the border of its prefix.
 #include "master/merge/job_film.h"
 
 namespace candela::master {

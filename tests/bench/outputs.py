@@ -15,7 +15,7 @@ SCENES = ("cornell", "studio")
 EIGHT = ("emitted=LE", "direct=L[DGSV]E", "diffuse=LD[DGSV]+E", "glossy=LG[DGSV]+E", "caustics=L[GS]*S[GS]*DX*E",
          "third=L[DGSV][DGSV][DGSV]E", "long=L[DGSV][DGSV][DGSV][DGSV]+E", "reflected=L[DGSV]*XRE")
 AOVS = ("depth", "albedo", "albedo,normal,depth")
-# Of each kind: integrators, and by the name of a case the options of the program.
+# By kind: integrators, and by the name of a case the options of the program.
 KINDS = {
     "aovs": ("path,bdpt,vcm", {aovs: ["--aov", aovs] for aovs in AOVS}),
     "layers": ("path,bdpt,vcm,pssmlt", {"1 layers": ["--layers", "layer all=L[DGSV]*E"],

@@ -282,7 +282,7 @@ TEST(McmcVanishing, ImageHasTheLightOfItsEpochs) {
     EXPECT_GT(mean - regular - light(0), 0.02);
     EXPECT_NEAR(b.b, mean, 2e-4) << regular;
     EXPECT_NEAR(b.b / rules.b0 * of_chains + of_large_steps, mean, 1e-3) << regular;
-    // Of the states as much is mollified as of the light.
+    // The mollified share of the states is that of the light.
     const auto mollified = chains::summarise_mollified(counts);
     ASSERT_TRUE(mollified.has_value());
     EXPECT_NEAR(mollified->share, (mean - regular) / mean, 2e-4) << regular;

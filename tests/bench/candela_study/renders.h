@@ -23,7 +23,7 @@ struct Render {
   unsigned threads = 1;
   std::map<std::string, std::string> parameters = {};  // of the scene
 };
-// What a study compares: an integrator with settings, by the name of its curve.
+// The method that a study compares: an integrator with settings, by the name of its curve.
 struct Method {
   std::string name;
   std::string integrator;
