@@ -20,7 +20,7 @@ struct EditedNoStore : NoStore {
                    const transport::ChannelStates* /*states*/, const scene::EditedWalk& /*walk*/) {}
 };
 
-// Facts that the walks of one chunk knew, by the numbers of the photons and of the vertices that its store keeps.
+// Facts of the walks of one chunk, by the numbers of the photons and of the vertices that its store keeps.
 struct EditedChunk {
   scene::EditedArrivals surface, medium, vertices;
 
