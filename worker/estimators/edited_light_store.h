@@ -56,7 +56,7 @@ struct EditedLightStore {
   void end_path() { store.end_path(); }
 };
 
-// What the walks of all chunks of an iteration knew.
+// Facts of the walks of all chunks of an iteration.
 struct EditedLight {
   std::vector<EditedChunk> chunks;
   scene::EditedArrivals surface, medium;  // by the number of the photon of a map

@@ -48,7 +48,7 @@ template <bool kEdits>
 using SubpathEdits = std::conditional_t<kEdits, EditedSubpaths<kEdits>, NoSubpathEdits>;
 template <bool kEdits>
 using MergeEdits = std::conditional_t<kEdits, transport::MergeEdits, transport::NoMergeEdits>;
-// Those of a side's photons.
+// The photons of one side.
 template <bool kEdits, class Side>
 MergeEdits<kEdits> merge_edits([[maybe_unused]] const Side& side) {
   if constexpr (kEdits)

@@ -90,7 +90,7 @@ class PathTracer {
         edits_(edits) {}
 
   void mollify(const transport::Mollifier& mollifier) { mollified_.by = mollifier; }
-  // What mollified paths have of the radiance.
+  // The radiance of mollified paths.
   Spectrum mollified() const { return mollified_.sum; }
 
   // The radiance arriving along `ray`.
@@ -114,7 +114,7 @@ class PathTracer {
   static constexpr scene::LightTechnique kChoice = scene::LightTechnique::adapted;
   // Mean free paths in the scene's radius above which flights come before rays.
   static constexpr float kSoon = 10;
-  // Of the radius: what positions are wrong by, over a cosine of 1/200.
+  // The error of positions as a part of the radius, over a cosine of 1/200.
   static constexpr float kEndOfMedium = 0x1p-14f;
   enum class Flight : std::uint8_t { absorbed, scattered, arrived };
 

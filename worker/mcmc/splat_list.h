@@ -66,7 +66,7 @@ class SplatList {
   // The part of splat i that is mollified; black if none is.
   Spectrum mollified(std::size_t i) const { return i < mollified_.size() ? mollified_[i] : Spectrum(); }
   bool any_mollified() const { return !mollified_.empty(); }
-  // That part of scalar(), at most the whole.
+  // The mollified part of scalar(), at most the whole.
   double mollified_scalar() const { return std::min(mollified_scalar_, scalar_); }
 
   // Reason to reject the list, if there is one: the first cause found.

@@ -277,7 +277,7 @@ double Subpaths::prob_way(const PathState& state, const Kept& kept, std::size_t 
   return 1 / static_cast<double>(std::max(ways(state.path, state.assembled(), kept, joint).count(), 1U));
 }
 
-// What walks do at each vertex of a path. Index i: vertex x_i.
+// Densities of walks at each vertex of a path. Index i: vertex x_i.
 struct Subpaths::Densities final : Memo {
   RangeProducts light, eye;  // of steps that arrive at x_i, and of the ends themselves
   path::Scaled light_direct, light_prob;

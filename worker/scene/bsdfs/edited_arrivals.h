@@ -1,5 +1,5 @@
-// What light paths knew of their ends when they arrived at vertices that are kept, for edits that select by
-// more of the path than the vertex (path_edited.h): the state of the lamp's end, and a share for each state
+// The ends of light paths as known at vertices that are kept, for edits that select by more of the path than
+// the vertex (path_edited.h): the state of the lamp's end, and a share for each state
 // of the eye's end.
 #pragma once
 

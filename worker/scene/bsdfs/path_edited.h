@@ -80,8 +80,8 @@ class EditedWalk {
     return own().next(arrived_.own, own_classes()[letter_][through(wo, wi)]);
   }
   State own_behind_medium() const { return own().next(arrived_.own, own_medium_); }
-  // What the walk knew when it arrived at the vertex, and a walk from the light of which that was kept; its
-  // next vertex is the one that it arrived at.
+  // The state and the shares with which the walk arrived at the vertex; a walk from the light may have kept
+  // them, and its next vertex is then the one that it arrived at.
   State arrived_state() const { return arrived_.own; }
   std::span<const Spectrum> arrived_shares() const { return {arrived_.share.data(), others().size()}; }
   void arrive_from_light(State own, std::span<const Spectrum> shares) {
