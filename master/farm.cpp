@@ -263,13 +263,13 @@ std::optional<JobStatus> Farm::full_status(const std::string& job_id) {
 std::optional<EpochStatus> Farm::epoch_status(const std::string& job_id) {
   std::optional<EpochStatus> out = reports_->status(job_id);
   if (!out) return out;
-  const film::Tallies tallies = with_scheduler([&](Scheduler& s) {
+  const film::SampleCounts sample_counts = with_scheduler([&](Scheduler& s) {
     const Job* job = s.job(job_id);
-    return job == nullptr ? film::Tallies() : job->row.tallies;
+    return job == nullptr ? film::SampleCounts() : job->row.sample_counts;
   });
-  if (tallies.sampled_merges > 0)
-    out->figures.emplace_back(film::kRepeatedMerges, static_cast<double>(tallies.repeated_merges) /
-                                                         static_cast<double>(tallies.sampled_merges));
+  if (sample_counts.sampled_merges > 0)
+    out->figures.emplace_back(film::kRepeatedMerges, static_cast<double>(sample_counts.repeated_merges) /
+                                                         static_cast<double>(sample_counts.sampled_merges));
   return out;
 }
 
@@ -459,7 +459,7 @@ Result<Ledger> Farm::ledger(const std::string& job_id) {
   }
   for (std::uint32_t h = 0; copy && h < 2; ++h) {
     for (const auto& [begin, end] : copy->merged(h).ranges()) out.film.push_back({h, begin, end});
-    out.film_eye_samples += copy->tallies(h).eye_samples;
+    out.film_eye_samples += copy->sample_counts(h).eye_samples;
   }
   return out;
 }

@@ -104,7 +104,7 @@ Result<void> Farm::restore_jobs(StoredState state) {
         film.film = table_->make_film(row);
         for (const UnitRow& u : merged)
           if (u.unit.half < 2) film.held.merged[u.unit.half].insert(u.unit.begin, u.unit.end);
-        film.held.tallies = row.tallies;
+        film.held.sample_counts = row.sample_counts;
       }
       if (has_ended(row.state)) film.film->close();
     }
@@ -117,8 +117,8 @@ Result<void> Farm::restore_jobs(StoredState state) {
       if (!job.row.idempotency_token.empty()) tokens_[job.row.idempotency_token] = id;
       if (job.film.film) films[id] = job.film.film;
       if (!job.film.trouble.empty()) s.event(t, id, "", "checkpoint-damaged", job.film.trouble);
-      s.restore(std::move(job.row), job.film.held.merged, job.film.held.tallies, std::move(unmerged[id]),
-                std::move(job.merged), t, job.chains);
+      s.restore(std::move(job.row), job.film.held.merged, job.film.held.sample_counts,
+                std::move(unmerged[id]), std::move(job.merged), t, job.chains);
     }
   });
   warn_of_orphans();
@@ -169,7 +169,7 @@ Result<void> Farm::take_in(Manifest manifest) {
     films[id] = opened.film;
     if (!row.idempotency_token.empty()) tokens_[row.idempotency_token] = id;
     if (!opened.trouble.empty()) s.event(now(), id, "", "checkpoint-damaged", opened.trouble);
-    s.adopt(std::move(row), opened.held.merged, opened.held.tallies, restored, now());
+    s.adopt(std::move(row), opened.held.merged, opened.held.sample_counts, restored, now());
   });
   wake_.wake();
   return writer_->flush();

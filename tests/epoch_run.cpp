@@ -188,9 +188,9 @@ Result<void> EpochRun::restore(std::string_view saved) {
   return {};
 }
 
-film::Tallies JobSums::tallies() const {
-  film::Tallies sum = halves[0].tallies;
-  sum.add(halves[1].tallies);
+film::SampleCounts JobSums::sample_counts() const {
+  film::SampleCounts sum = halves[0].sample_counts;
+  sum.add(halves[1].sample_counts);
   return sum;
 }
 
@@ -220,7 +220,7 @@ Result<JobSums> render_job(const render::Renderer& renderer, const PilotResult& 
     CANDELA_TRY(epochs.run(unit, output, context));
     JobSums::Half& half = job.halves[unit.half];
     for (std::size_t i = 0; i < values; ++i) half.sums[i] += output.film->sums()[i];
-    half.tallies.add(output.film->tallies());
+    half.sample_counts.add(output.film->sample_counts());
     half.iterations += unit.end - unit.begin;
   }
   job.states = epochs.states();

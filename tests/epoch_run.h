@@ -84,13 +84,13 @@ struct JobSums {
   int scale_log2 = 0;
   struct Half {
     std::vector<std::int64_t> sums;  // [layer][y][x][channel], as a UnitFilm's
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     std::uint64_t iterations = 0;
   };
   std::array<Half, 2> halves;
   std::deque<std::string> states;
 
-  film::Tallies tallies() const;  // of both halves
+  film::SampleCounts sample_counts() const;  // of both halves
   // Means over all iterations: width * height * 3 values of one layer.
   std::vector<double> mean(std::size_t layer) const;
 };

@@ -55,7 +55,7 @@ class Reviewer {
       const Object& object = *child.object;
       if (!acts(object) && !seen_.contains(&object)) unused(object, "is used by nothing");
     }
-    look_at_straight_passes();
+    look_at_passthroughs();
     if (sensor != nullptr && result_.uses.contains("shape") && !result_.uses.contains("emitter"))
       add(Finding::Kind::dark, scene_.scene->where, "the scene has no light: its picture is black");
     std::stable_sort(result_.findings.begin(), result_.findings.end(),
@@ -99,7 +99,7 @@ class Reviewer {
 
   // Mitsuba's path counts a bounce where its volpath and ours count none. Where there are media, the scene
   // was made for volpath.
-  void look_at_straight_passes() {
+  void look_at_passthroughs() {
     const auto used = [&](const char* category, const char* plugin) {
       const auto found = result_.uses.find(category);
       return found != result_.uses.end() && (*plugin == 0 || found->second.contains(plugin));

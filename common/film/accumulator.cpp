@@ -124,10 +124,10 @@ UnitAccumulator::UnitAccumulator(std::uint32_t width, std::uint32_t height, cons
 
 template <class ToSum>
 bool UnitAccumulator::add_units(std::uint32_t x, std::uint32_t y, std::uint32_t first,
-                                std::span<const double> values, std::uint64_t key, Tallies& tallies,
-                                const ToSum& to_sum) {
+                                std::span<const double> values, std::uint64_t key,
+                                SampleCounts& sample_counts, const ToSum& to_sum) {
   if (!holds(values)) [[unlikely]] {
-    ++tallies.rejected[static_cast<std::size_t>(reject_cause(values))];
+    ++sample_counts.rejected[static_cast<std::size_t>(reject_cause(values))];
     return false;
   }
   touch(touched_[std::size_t{y / kTileSize} * layout_.tiles_x() + x / kTileSize]);
@@ -144,7 +144,7 @@ bool UnitAccumulator::add_units(std::uint32_t x, std::uint32_t y, std::uint32_t 
 }
 
 bool UnitAccumulator::add(std::uint32_t x, std::uint32_t y, std::uint32_t first,
-                          std::span<const double> values, std::uint64_t key, Tallies& tallies) {
+                          std::span<const double> values, std::uint64_t key, SampleCounts& sample_counts) {
   Added added = Added::none;
   if (values.size() - 1 < kMaxChunk) [[likely]] {
     touch(touched_[std::size_t{y / kTileSize} * layout_.tiles_x() + x / kTileSize]);
@@ -159,14 +159,14 @@ bool UnitAccumulator::add(std::uint32_t x, std::uint32_t y, std::uint32_t first,
     overflowed_.store(true, std::memory_order_relaxed);
     return true;
   }
-  return add_units(x, y, first, values, key, tallies, [](std::int64_t& sum, std::int64_t units) {
+  return add_units(x, y, first, values, key, sample_counts, [](std::int64_t& sum, std::int64_t units) {
     return __builtin_add_overflow(sum, units, &sum);
   });
 }
 
 bool UnitAccumulator::splat(std::uint32_t x, std::uint32_t y, std::uint32_t first,
-                            std::span<const double> values, std::uint64_t key, Tallies& tallies) {
-  return add_units(x, y, first, values, key, tallies, [](std::int64_t& sum, std::int64_t units) {
+                            std::span<const double> values, std::uint64_t key, SampleCounts& sample_counts) {
+  return add_units(x, y, first, values, key, sample_counts, [](std::int64_t& sum, std::int64_t units) {
     if (units == 0) return false;  // most sectors of most paths: an atomic addition costs more than the test
     const std::int64_t before = __atomic_fetch_add(&sum, units, __ATOMIC_RELAXED);
     std::int64_t after = 0;
@@ -175,9 +175,9 @@ bool UnitAccumulator::splat(std::uint32_t x, std::uint32_t y, std::uint32_t firs
 }
 
 bool UnitAccumulator::add_key(std::uint32_t x, std::uint32_t y, std::uint32_t key, double value,
-                              std::uint64_t sample_key, Tallies& tallies) {
+                              std::uint64_t sample_key, SampleCounts& sample_counts) {
   if (!holds({&value, 1})) [[unlikely]] {
-    ++tallies.rejected[static_cast<std::size_t>(reject_cause({&value, 1}))];
+    ++sample_counts.rejected[static_cast<std::size_t>(reject_cause({&value, 1}))];
     return false;
   }
   const double uniform = dither(dither_word(sample_key), 0);

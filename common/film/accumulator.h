@@ -81,10 +81,10 @@ class UnitAccumulator {
   // Adds values to channels [first, first + values.size()) of a pixel (of the grid, grid_of()) that only the
   // calling thread touches. Signs are free. `key` names the sample and seeds the rounding; two calls for one
   // pixel must differ in key or in channels. If any value is NaN, infinite or saturated, none is added, the
-  // sample counts once in `tallies.rejected`, and the result is false. Preconditions: pixel and channels are
-  // inside.
+  // sample counts once in `sample_counts.rejected`, and the result is false. Preconditions: pixel and
+  // channels are inside.
   bool add(std::uint32_t x, std::uint32_t y, std::uint32_t first, std::span<const double> values,
-           std::uint64_t key, Tallies& tallies);
+           std::uint64_t key, SampleCounts& sample_counts);
   // A pixel. It is the same for all accumulators of one size.
   struct Place {
     std::uint32_t x = 0, y = 0;
@@ -100,14 +100,14 @@ class UnitAccumulator {
   template <std::size_t kCount>
   bool add_array(const Place& place, std::uint32_t first,
                  const std::array<double, (kCount + 3) / 4 * 4>& values, std::uint64_t key,
-                 std::uint64_t word, Tallies& tallies);
+                 std::uint64_t word, SampleCounts& sample_counts);
   // The same from any thread. Not at the same time as add() on the same pixel.
   bool splat(std::uint32_t x, std::uint32_t y, std::uint32_t first, std::span<const double> values,
-             std::uint64_t key, Tallies& tallies);
+             std::uint64_t key, SampleCounts& sample_counts);
 
   // The same of a pixel and a key, from any thread. Precondition: the domain is keys.
   bool add_key(std::uint32_t x, std::uint32_t y, std::uint32_t key, double value, std::uint64_t sample_key,
-               Tallies& tallies);
+               SampleCounts& sample_counts);
 
   // True if add() and splat() take these values.
   bool holds(std::span<const double> values) const {
@@ -131,7 +131,7 @@ class UnitAccumulator {
  private:
   template <class ToSum>
   bool add_units(std::uint32_t x, std::uint32_t y, std::uint32_t first, std::span<const double> values,
-                 std::uint64_t key, Tallies& tallies, const ToSum& to_sum);
+                 std::uint64_t key, SampleCounts& sample_counts, const ToSum& to_sum);
 
   AccumulatorSpec spec_;
   Layout layout_;  // one layer: the grid; of keys the film

@@ -128,7 +128,7 @@ inline constexpr std::size_t kMaxChunk = 12;
 template <std::size_t kCount>
 [[gnu::always_inline]] inline bool UnitAccumulator::add_array(
     const Place& place, std::uint32_t first, const std::array<double, (kCount + 3) / 4 * 4>& values,
-    std::uint64_t key, std::uint64_t word, Tallies& tallies) {
+    std::uint64_t key, std::uint64_t word, SampleCounts& sample_counts) {
   if constexpr (kCount <= adding::kMaxChunk) {
     adding::touch(touched_[place.tile]);
     const adding::Added added = adding::add_if_within<kCount, true>(
@@ -140,7 +140,7 @@ template <std::size_t kCount>
     if (added != adding::Added::none) [[likely]]
       return true;
   }
-  return add(place.x, place.y, first, std::span(values).template first<kCount>(), key, tallies);
+  return add(place.x, place.y, first, std::span(values).template first<kCount>(), key, sample_counts);
 }
 
 }  // namespace candela::film

@@ -112,31 +112,31 @@ void put_layout(std::string& out, const Layout& layout, int scale_log2) {
   put_u32(out, static_cast<std::uint32_t>(scale_log2));
 }
 
-void put_tallies(std::string& out, const Tallies& tallies) {
-  put_u64(out, tallies.eye_samples);
-  put_u64(out, tallies.light_paths);
-  put_u64(out, tallies.rays);
-  for (const std::uint64_t count : tallies.rejected) put_u64(out, count);
-  put_u64(out, tallies.sampled_merges);
-  put_u64(out, tallies.repeated_merges);
-  put_u64(out, tallies.bounded_walks);
+void put_sample_counts(std::string& out, const SampleCounts& sample_counts) {
+  put_u64(out, sample_counts.eye_samples);
+  put_u64(out, sample_counts.light_paths);
+  put_u64(out, sample_counts.rays);
+  for (const std::uint64_t count : sample_counts.rejected) put_u64(out, count);
+  put_u64(out, sample_counts.sampled_merges);
+  put_u64(out, sample_counts.repeated_merges);
+  put_u64(out, sample_counts.bounded_walks);
 }
 
-Tallies read_tallies(Reader& reader, TalliesForm form) {
-  Tallies tallies;
-  tallies.eye_samples = reader.u64();
-  tallies.light_paths = reader.u64();
-  tallies.rays = reader.u64();
+SampleCounts read_sample_counts(Reader& reader, SampleCountsForm form) {
+  SampleCounts sample_counts;
+  sample_counts.eye_samples = reader.u64();
+  sample_counts.light_paths = reader.u64();
+  sample_counts.rays = reader.u64();
   constexpr auto kFirstCauses = static_cast<std::size_t>(RejectCause::statistics);
-  const std::span<std::uint64_t> rejected(tallies.rejected);
-  for (std::uint64_t& count : form == TalliesForm::first ? rejected.first(kFirstCauses) : rejected)
+  const std::span<std::uint64_t> rejected(sample_counts.rejected);
+  for (std::uint64_t& count : form == SampleCountsForm::first ? rejected.first(kFirstCauses) : rejected)
     count = reader.u64();
-  if (form == TalliesForm::first) return tallies;
-  tallies.sampled_merges = reader.u64();
-  tallies.repeated_merges = reader.u64();
-  if (form == TalliesForm::second) return tallies;
-  tallies.bounded_walks = reader.u64();
-  return tallies;
+  if (form == SampleCountsForm::first) return sample_counts;
+  sample_counts.sampled_merges = reader.u64();
+  sample_counts.repeated_merges = reader.u64();
+  if (form == SampleCountsForm::second) return sample_counts;
+  sample_counts.bounded_walks = reader.u64();
+  return sample_counts;
 }
 
 void seal(std::string& out) {

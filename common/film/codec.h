@@ -57,9 +57,9 @@ class Reader {
 void put_layout(std::string& out, const Layout& layout, int scale_log2);
 // 11 u64. The first form had 7: neither statistics that were rejected, nor merges. The second had 10: no
 // walks that were ended by a bound.
-enum class TalliesForm : std::uint8_t { first, second, present };
-void put_tallies(std::string& out, const Tallies& tallies);
-Tallies read_tallies(Reader& reader, TalliesForm form = TalliesForm::present);
+enum class SampleCountsForm : std::uint8_t { first, second, present };
+void put_sample_counts(std::string& out, const SampleCounts& sample_counts);
+SampleCounts read_sample_counts(Reader& reader, SampleCountsForm form = SampleCountsForm::present);
 
 // Appends the checksum of everything in `out`.
 void seal(std::string& out);

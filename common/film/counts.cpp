@@ -18,7 +18,7 @@ std::string_view name(RejectCause cause) {
   return "unknown";
 }
 
-void Tallies::add(const Tallies& other) {
+void SampleCounts::add(const SampleCounts& other) {
   eye_samples += other.eye_samples;
   light_paths += other.light_paths;
   rays += other.rays;

@@ -13,11 +13,11 @@ enum class RejectCause : std::uint8_t { not_a_number, infinite, negative, satura
 inline constexpr int kRejectCauses = 5;
 std::string_view name(RejectCause cause);  // "nan", "infinite", "negative", "saturated", "statistics"
 
-// In reports of a job: Tallies::repeated_merges over sampled_merges.
+// In reports of a job: SampleCounts::repeated_merges over sampled_merges.
 inline constexpr std::string_view kRepeatedMerges = "share of repeated merges";
 
 // Additive counts that travel with the sums.
-struct Tallies {
+struct SampleCounts {
   std::uint64_t eye_samples = 0;
   std::uint64_t light_paths = 0;
   std::uint64_t rays = 0;
@@ -28,8 +28,8 @@ struct Tallies {
   // Paths and subpaths that hardly lost anything when they came to the number of edges from which Russian
   // roulette ends them all the same, so that the light of longer ones is missing, but for rare survivors.
   std::uint64_t bounded_walks = 0;
-  void add(const Tallies& other);
-  bool operator==(const Tallies&) const = default;
+  void add(const SampleCounts& other);
+  bool operator==(const SampleCounts&) const = default;
 };
 
 }  // namespace candela::film

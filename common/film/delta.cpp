@@ -150,9 +150,9 @@ void DeltaWriter::table(std::span<const float> values) {
   end();
 }
 
-void DeltaWriter::counts(const Tallies& tallies) {
+void DeltaWriter::counts(const SampleCounts& sample_counts) {
   begin(SectionKind::counts, "", 0);
-  put_tallies(out_, tallies);
+  put_sample_counts(out_, sample_counts);
   end();
 }
 
@@ -165,7 +165,7 @@ std::string encode_delta(const UnitFilm& film, const DeltaInfo& info, std::strin
   DeltaWriter writer(info);
   writer.film(film);
   if (info.unit.kind == Unit::Kind::segments) writer.records(records);
-  writer.counts(film.tallies());
+  writer.counts(film.sample_counts());
   return writer.finish();
 }
 
@@ -223,9 +223,9 @@ std::string Delta::content_sha256() const {
   fields += records_;
   put_u64(fields, table_.size());
   for (const float value : table_) put_u32(fields, std::bit_cast<std::uint32_t>(value));
-  put_u64(fields, tallies_.eye_samples);
-  put_u64(fields, tallies_.light_paths);
-  for (const std::uint64_t count : tallies_.rejected) put_u64(fields, count);
+  put_u64(fields, sample_counts_.eye_samples);
+  put_u64(fields, sample_counts_.light_paths);
+  for (const std::uint64_t count : sample_counts_.rejected) put_u64(fields, count);
   feed();
   return hash.finish_hex();
 }
@@ -267,7 +267,7 @@ Result<void> Delta::read_section(SectionKind kind, std::string_view name, std::u
       while (reader.rest().size() >= sizeof(float)) table_.push_back(std::bit_cast<float>(reader.u32()));
       break;
     case SectionKind::counts:
-      tallies_ = read_tallies(reader);
+      sample_counts_ = read_sample_counts(reader);
       break;
   }
   if (!reader.ok() || !reader.rest().empty())

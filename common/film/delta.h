@@ -50,7 +50,7 @@ class DeltaWriter {
   void accumulator(const UnitAccumulator& sums, std::uint64_t epoch);
   void records(std::string_view encoded);  // chains::encode
   void table(std::span<const float> values);
-  void counts(const Tallies& tallies);
+  void counts(const SampleCounts& sample_counts);
   std::string finish();
 
  private:
@@ -81,7 +81,7 @@ class Delta {
 
   using AccumulatorSums = BroughtSums;
   const DeltaInfo& info() const { return info_; }
-  const Tallies& tallies() const { return tallies_; }
+  const SampleCounts& sample_counts() const { return sample_counts_; }
   const SparseSums& film() const { return film_; }
   const std::vector<AccumulatorSums>& accumulators() const { return accumulators_; }  // as in the plan
   std::uint64_t accumulator_bytes() const { return accumulator_bytes_; }  // of those sections, encoded
@@ -95,7 +95,7 @@ class Delta {
   Result<void> read_section(SectionKind kind, std::string_view name, std::uint64_t epoch,
                             std::string_view bytes, const DeltaShape& expected);
   DeltaInfo info_;
-  Tallies tallies_;
+  SampleCounts sample_counts_;
   SparseSums film_;
   std::vector<AccumulatorSums> accumulators_;
   std::uint64_t accumulator_bytes_ = 0;

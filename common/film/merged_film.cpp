@@ -1,11 +1,11 @@
 // The job's film: exact merging, the checkpoint form, and the image.
 //
 // Checkpoint bytes: "CANFILM3"; width, height, layers, scale_log2 (u32 each); for each half the number of
-// ranges (u64) and the ranges (u64 begin, end), tallies (11 u64), runs of tiles that are not all zero, and
-// for each group of 32 tiles and each channel its byte planes; XXH64 of all before (u64). Integers are
+// ranges (u64) and the ranges (u64 begin, end), sample counts (11 u64), runs of tiles that are not all zero,
+// and for each group of 32 tiles and each channel its byte planes; XXH64 of all before (u64). Integers are
 // little-endian. Sums are coded as 128-bit zigzag integers, so the bytes do not tell how wide a tile is in
-// memory: equal content gives equal bytes. "CANFILM1" and "CANFILM2", with tallies of 7 and 10 u64, are read
-// too.
+// memory: equal content gives equal bytes. "CANFILM1" and "CANFILM2", with sample counts of 7 and 10 u64, are
+// read too.
 #include "common/film/merged_film.h"
 
 #include <algorithm>
@@ -28,9 +28,9 @@ bool add_checked(std::uint64_t& sum, std::uint64_t value) {
   return !__builtin_add_overflow(sum, value, &sum);
 }
 
-// The sum of two tallies, or nothing if a count would wrap around.
-std::optional<Tallies> sum_of(const Tallies& a, const Tallies& b) {
-  Tallies sum = a;
+// The sum of two sample counts, or nothing if a count would wrap around.
+std::optional<SampleCounts> sum_of(const SampleCounts& a, const SampleCounts& b) {
+  SampleCounts sum = a;
   bool fits = add_checked(sum.eye_samples, b.eye_samples);
   fits &= add_checked(sum.light_paths, b.light_paths);
   fits &= add_checked(sum.rays, b.rays);
@@ -66,13 +66,13 @@ Result<void> MergedFilm::merge(const Delta& delta) {
   }
   Half& half = halves_[unit.half];
   if (half.merged.intersects(unit.begin, unit.end)) return overlap_error(unit.half, unit.begin, unit.end);
-  const auto tallies = sum_of(half.tallies, delta.tallies());
-  if (!tallies) return refused_error("the delta's counts are impossibly large").with_field("tallies");
+  const auto sample_counts = sum_of(half.sample_counts, delta.sample_counts());
+  if (!sample_counts) return refused_error("the delta's counts are impossibly large").with_field("counts");
 
   IndexSet merged = half.merged;  // all that can run out of memory comes before the first change
   merged.insert(unit.begin, unit.end);
   half.sums.add(delta.film());
-  half.tallies = *tallies;
+  half.sample_counts = *sample_counts;
   half.merged = std::move(merged);
   return {};
 }
@@ -81,14 +81,14 @@ Result<void> MergedFilm::merge(const MergedFilm& other) {
   if (other.layout_ != layout_ || other.scale_log2_ != scale_log2_) {
     return refused_error("the films differ in layout or scale").with_field("layout");
   }
-  std::array<Tallies, 2> tallies;
+  std::array<SampleCounts, 2> sample_counts;
   for (std::uint32_t h = 0; h < 2; ++h) {
     for (const auto& [begin, end] : other.halves_[h].merged.ranges()) {
       if (halves_[h].merged.intersects(begin, end)) return overlap_error(h, begin, end);
     }
-    const auto sum = sum_of(halves_[h].tallies, other.halves_[h].tallies);
-    if (!sum) return refused_error("the films' counts are impossibly large").with_field("tallies");
-    tallies[h] = *sum;
+    const auto sum = sum_of(halves_[h].sample_counts, other.halves_[h].sample_counts);
+    if (!sum) return refused_error("the films' counts are impossibly large").with_field("counts");
+    sample_counts[h] = *sum;
   }
   if (&other == this) return {};  // only reached if it is empty
   // All that can run out of memory comes before the first change.
@@ -102,7 +102,7 @@ Result<void> MergedFilm::merge(const MergedFilm& other) {
   halves_[1].sums.add(other.halves_[1].sums);
   halves_[0].sums = std::move(first);
   for (std::uint32_t h = 0; h < 2; ++h) {
-    halves_[h].tallies = tallies[h];
+    halves_[h].sample_counts = sample_counts[h];
     halves_[h].merged = std::move(merged[h]);
   }
   return {};
@@ -115,7 +115,7 @@ MergedFilm MergedFilm::first_layers(std::uint32_t count) const {
     const Half& from = halves_[h];
     to.sums = from.sums.first_layers(image.layout_);
     to.merged = from.merged;
-    to.tallies = from.tallies;
+    to.sample_counts = from.sample_counts;
   }
   return image;
 }
@@ -193,7 +193,7 @@ void MergedFilm::serialise_half(std::string& out, const Half& half) {
     put_u64(out, begin);
     put_u64(out, end);
   }
-  put_tallies(out, half.tallies);
+  put_sample_counts(out, half.sample_counts);
   half.sums.put(out);
 }
 
@@ -215,7 +215,7 @@ void MergedFilm::serialise(std::string& out) const {
   seal(out);
 }
 
-Result<void> MergedFilm::parse_half(Reader& reader, TalliesForm form, Half& half) {
+Result<void> MergedFilm::parse_half(Reader& reader, SampleCountsForm form, Half& half) {
   const std::uint64_t ranges = reader.u64();
   std::uint64_t next = 0;  // the lowest index the next range may begin with
   for (std::uint64_t i = 0; i < ranges; ++i) {
@@ -227,13 +227,15 @@ Result<void> MergedFilm::parse_half(Reader& reader, TalliesForm form, Half& half
     }
     next = end + 1;
   }
-  half.tallies = read_tallies(reader, form);
+  half.sample_counts = read_sample_counts(reader, form);
   return half.sums.read(reader, static_cast<Uint128>(half.merged.count()) << 63, "the film");
 }
 
 Result<MergedFilm> MergedFilm::parse(std::string_view bytes) {
   const bool first = bytes.starts_with(kFirstMagic), second = bytes.starts_with(kSecondMagic);
-  const TalliesForm form = first ? TalliesForm::first : second ? TalliesForm::second : TalliesForm::present;
+  const SampleCountsForm form = first    ? SampleCountsForm::first
+                                : second ? SampleCountsForm::second
+                                         : SampleCountsForm::present;
   CANDELA_ASSIGN(const std::string_view content, unseal(bytes,
                                                         first    ? kFirstMagic
                                                         : second ? kSecondMagic

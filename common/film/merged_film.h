@@ -19,7 +19,7 @@ namespace candela::film {
 
 class Delta;
 
-// The job's film: two halves, each exact sums, tallies, and the set of merged indices.
+// The job's film: two halves, each exact sums, sample counts, and the set of merged indices.
 class MergedFilm {
  public:
   // Precondition: validate(layout, scale_log2).
@@ -35,7 +35,7 @@ class MergedFilm {
   Result<void> merge(const MergedFilm& other);
 
   const IndexSet& merged(std::uint32_t half) const { return halves_[half].merged; }
-  const Tallies& tallies(std::uint32_t half) const { return halves_[half].tallies; }
+  const SampleCounts& sample_counts(std::uint32_t half) const { return halves_[half].sample_counts; }
   std::uint64_t iterations() const { return halves_[0].merged.count() + halves_[1].merged.count(); }
 
   // Checkpoint form: everything above, compressed, with a checksum. parse() accepts exactly what serialise()
@@ -44,7 +44,7 @@ class MergedFilm {
   void serialise(std::string& out) const;
   static Result<MergedFilm> parse(std::string_view bytes);
 
-  // A copy of the first layers alone, with the tallies and the merged indices.
+  // A copy of the first layers alone, with the sample counts and the merged indices.
   MergedFilm first_layers(std::uint32_t count) const;
 
   // No sum of the first layers differs from zero.
@@ -65,10 +65,10 @@ class MergedFilm {
   struct Half {
     TileSums sums;
     IndexSet merged;
-    Tallies tallies;
+    SampleCounts sample_counts;
   };
   static void serialise_half(std::string& out, const Half& half);
-  static Result<void> parse_half(Reader& reader, TalliesForm form, Half& half);
+  static Result<void> parse_half(Reader& reader, SampleCountsForm form, Half& half);
 
   Layout layout_;
   int scale_log2_;

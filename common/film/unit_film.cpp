@@ -18,7 +18,8 @@ UnitFilm::UnitFilm(Layout layout, int scale_log2)
       sums_(layout.pixel_count() * layout.layers * kChannels),
       touched_(layout.tile_count()) {}
 
-bool UnitFilm::admit(const std::array<float, kChannels>& rgb, Tallies& tallies, bool signed_values) const {
+bool UnitFilm::admit(const std::array<float, kChannels>& rgb, SampleCounts& sample_counts,
+                     bool signed_values) const {
   // The classes by bits, so that they hold under any treatment of denormals.
   bool is_nan = false, is_infinite = false, is_negative = false, is_saturated = false;
   for (const float value : rgb) {
@@ -30,7 +31,7 @@ bool UnitFilm::admit(const std::array<float, kChannels>& rgb, Tallies& tallies, 
     is_saturated |= magnitude > limit_bits_;
   }
   const auto reject = [&](RejectCause cause) {
-    ++tallies.rejected[static_cast<std::size_t>(cause)];
+    ++sample_counts.rejected[static_cast<std::size_t>(cause)];
     return false;
   };
   if (is_nan) return reject(RejectCause::not_a_number);
@@ -40,17 +41,17 @@ bool UnitFilm::admit(const std::array<float, kChannels>& rgb, Tallies& tallies, 
   return true;  // a negative zero
 }
 
-void UnitFilm::count(const Tallies& tallies) {
+void UnitFilm::count(const SampleCounts& sample_counts) {
   while (lock_.test_and_set(std::memory_order_acquire)) {
   }
-  tallies_.add(tallies);
+  sample_counts_.add(sample_counts);
   lock_.clear(std::memory_order_release);
 }
 
-Tallies UnitFilm::tallies() const {
+SampleCounts UnitFilm::sample_counts() const {
   while (lock_.test_and_set(std::memory_order_acquire)) {
   }
-  const Tallies copy = tallies_;
+  const SampleCounts copy = sample_counts_;
   lock_.clear(std::memory_order_release);
   return copy;
 }
@@ -69,7 +70,7 @@ void UnitFilm::clear() {
     touched_[tile] = 0;
   }
   overflowed_.store(false, std::memory_order_relaxed);
-  tallies_ = {};
+  sample_counts_ = {};
 }
 
 }  // namespace candela::film

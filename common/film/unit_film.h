@@ -28,17 +28,17 @@ class UnitFilm {
   //
   // Adds one sample's r, g, b to a pixel that only the calling thread touches (eye paths: threads own tiles).
   // `key` names the sample (seed, iteration, pixel, ...) and seeds the rounding. A value that is NaN,
-  // infinite, saturated, or negative where `signed_values` is false counts in `tallies.rejected` and leaves
-  // the film alone, all channels of it. One sample counts once, as the first of nan, infinite, negative,
-  // saturated that any channel has. Returns false if it was rejected. Counts no eye_samples: that is the
-  // caller's.
+  // infinite, saturated, or negative where `signed_values` is false counts in `sample_counts.rejected` and
+  // leaves the film alone, all channels of it. One sample counts once, as the first of nan, infinite,
+  // negative, saturated that any channel has. Returns false if it was rejected. Counts no eye_samples: that
+  // is the caller's.
   bool add(std::uint32_t layer, std::uint32_t x, std::uint32_t y, const std::array<float, kChannels>& rgb,
-           std::uint64_t key, Tallies& tallies, bool signed_values = false);
+           std::uint64_t key, SampleCounts& sample_counts, bool signed_values = false);
 
   // The same from any thread (light paths): relaxed atomic adds. Not at the same time as add() on the same
   // pixel.
   bool splat(std::uint32_t layer, std::uint32_t x, std::uint32_t y, const std::array<float, kChannels>& rgb,
-             std::uint64_t key, Tallies& tallies, bool signed_values = false);
+             std::uint64_t key, SampleCounts& sample_counts, bool signed_values = false);
 
   // The units that add() and splat() take of such a value with the key of this word (dither_word(key)).
   // Precondition: they do not reject it.
@@ -56,8 +56,8 @@ class UnitFilm {
   void note_overflow() { overflowed_.store(true, std::memory_order_relaxed); }
 
   // Threads count on their own and hand in their counts when they are done. Thread-safe.
-  void count(const Tallies& tallies);
-  Tallies tallies() const;
+  void count(const SampleCounts& sample_counts);
+  SampleCounts sample_counts() const;
 
   // True if any sum wrapped around: the unit must fail, its film must not be delivered.
   bool overflowed() const { return overflowed_.load(std::memory_order_relaxed); }
@@ -73,7 +73,7 @@ class UnitFilm {
 
  private:
   // True for what may be added. Otherwise counts the cause. Out of line: the unusual case.
-  bool admit(const std::array<float, kChannels>& rgb, Tallies& tallies, bool signed_values) const;
+  bool admit(const std::array<float, kChannels>& rgb, SampleCounts& sample_counts, bool signed_values) const;
   bool usual(const std::array<float, kChannels>& rgb, bool signed_values) const {
     // As integers, the bits of floats from +0 to the limit are below those of larger ones, infinities, NaNs
     // and all that has its sign set: one comparison decides.
@@ -92,7 +92,7 @@ class UnitFilm {
   // Shared by add() and splat(); `to_sum(sum, units)` adds and returns whether the sum wrapped around.
   template <class ToSum>
   bool add_units(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
-                 const std::array<float, kChannels>& rgb, std::uint64_t key, Tallies& tallies,
+                 const std::array<float, kChannels>& rgb, std::uint64_t key, SampleCounts& sample_counts,
                  bool signed_values, const ToSum& to_sum);
   std::int64_t* pixel(std::uint32_t layer, std::uint32_t x, std::uint32_t y) {
     return sums_.data() + ((std::size_t{layer} * layout_.height + y) * layout_.width + x) * kChannels;
@@ -107,15 +107,15 @@ class UnitFilm {
   std::vector<std::uint8_t> touched_;  // [layer][tile]; relaxed atomic access while threads add
   std::atomic<bool> overflowed_{false};
   mutable std::atomic_flag lock_ = ATOMIC_FLAG_INIT;
-  Tallies tallies_;
+  SampleCounts sample_counts_;
 };
 
 template <class ToSum>
 inline bool UnitFilm::add_units(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
-                                const std::array<float, kChannels>& rgb, std::uint64_t key, Tallies& tallies,
-                                bool signed_values, const ToSum& to_sum) {
+                                const std::array<float, kChannels>& rgb, std::uint64_t key,
+                                SampleCounts& sample_counts, bool signed_values, const ToSum& to_sum) {
   if (!usual(rgb, signed_values)) [[unlikely]] {
-    if (!admit(rgb, tallies, signed_values)) return false;
+    if (!admit(rgb, sample_counts, signed_values)) return false;
   }
   mark(layer, x, y);
   std::int64_t* sums = pixel(layer, x, y);
@@ -131,21 +131,22 @@ inline bool UnitFilm::add_units(std::uint32_t layer, std::uint32_t x, std::uint3
 }
 
 inline bool UnitFilm::add(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
-                          const std::array<float, kChannels>& rgb, std::uint64_t key, Tallies& tallies,
-                          bool signed_values) {
-  return add_units(layer, x, y, rgb, key, tallies, signed_values, [](std::int64_t& sum, std::int64_t units) {
-    return __builtin_add_overflow(sum, units, &sum);
-  });
+                          const std::array<float, kChannels>& rgb, std::uint64_t key,
+                          SampleCounts& sample_counts, bool signed_values) {
+  return add_units(
+      layer, x, y, rgb, key, sample_counts, signed_values,
+      [](std::int64_t& sum, std::int64_t units) { return __builtin_add_overflow(sum, units, &sum); });
 }
 
 inline bool UnitFilm::splat(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
-                            const std::array<float, kChannels>& rgb, std::uint64_t key, Tallies& tallies,
-                            bool signed_values) {
-  return add_units(layer, x, y, rgb, key, tallies, signed_values, [](std::int64_t& sum, std::int64_t units) {
-    const std::int64_t before = __atomic_fetch_add(&sum, units, __ATOMIC_RELAXED);
-    std::int64_t after = 0;
-    return __builtin_add_overflow(before, units, &after);
-  });
+                            const std::array<float, kChannels>& rgb, std::uint64_t key,
+                            SampleCounts& sample_counts, bool signed_values) {
+  return add_units(layer, x, y, rgb, key, sample_counts, signed_values,
+                   [](std::int64_t& sum, std::int64_t units) {
+                     const std::int64_t before = __atomic_fetch_add(&sum, units, __ATOMIC_RELAXED);
+                     std::int64_t after = 0;
+                     return __builtin_add_overflow(before, units, &after);
+                   });
 }
 
 inline void UnitFilm::splat_units(std::uint32_t layer, std::uint32_t x, std::uint32_t y,

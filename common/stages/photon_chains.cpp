@@ -41,14 +41,14 @@ film::AccumulatorSpec spec(std::uint32_t width, std::uint32_t height) {
 }
 
 void add(const Counts& counts, std::uint64_t key, film::UnitAccumulator& to, std::uint32_t width,
-         film::Tallies& tallies) {
+         film::SampleCounts& sample_counts) {
   const std::array<std::uint64_t, kCounts> all = {
       counts.iterations, counts.black_iterations, counts.light_paths,    counts.visible_paths,
       counts.mutations,  counts.accepted,         counts.visible_squares};
   for (std::uint32_t i = 0; i < kCounts; ++i) {
     const Place at = place(i, to.spec().channels, width);
     const auto value = static_cast<double>(all[i]);
-    to.add(at.x, at.y, at.channel, std::span(&value, 1), key, tallies);
+    to.add(at.x, at.y, at.channel, std::span(&value, 1), key, sample_counts);
   }
 }
 

@@ -35,7 +35,7 @@ inline constexpr std::uint32_t kCounts = 7;
 film::AccumulatorSpec spec(std::uint32_t width, std::uint32_t height);
 // Adds counts of an iteration of this key. No other thread may add.
 void add(const Counts& counts, std::uint64_t key, film::UnitAccumulator& to, std::uint32_t width,
-         film::Tallies& tallies);
+         film::SampleCounts& sample_counts);
 // Precondition: the accumulator has the spec of its film.
 Counts read(const film::MergedAccumulator& sums);
 // Standard deviation of the number of visible paths of an iteration over its mean: what the light of one

@@ -118,10 +118,10 @@ v1::JobStatus to_message(const JobStatus& status) {
   if (r.named_state) wire::to_proto(*r.named_state, *out.mutable_named_state());
   out.set_units_merged(r.units_merged);
   out.set_iterations(status.iterations());
-  out.set_samples(r.tallies.eye_samples);
-  out.set_light_paths(r.tallies.light_paths);
-  out.set_bounded_walks(r.tallies.bounded_walks);
-  out.set_rays(r.tallies.rays);
+  out.set_samples(r.sample_counts.eye_samples);
+  out.set_light_paths(r.sample_counts.light_paths);
+  out.set_bounded_walks(r.sample_counts.bounded_walks);
+  out.set_rays(r.sample_counts.rays);
   out.set_relmse_estimate(r.relmse);
   out.set_relmse_upper(r.relmse_upper);
   out.set_units_leased(status.units_leased);

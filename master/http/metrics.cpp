@@ -166,8 +166,8 @@ std::string metrics_text(Farm& farm) {
     page.gauge("candela_job_waiting_units", "units that failed and wait for another attempt",
                static_cast<double>(j.waiting ? j.waiting->units : 0), labels);
     page.gauge("candela_job_iterations", "iterations merged", static_cast<double>(j.iterations()), labels);
-    page.gauge("candela_job_samples", "eye samples merged", static_cast<double>(j.row.tallies.eye_samples),
-               labels);
+    page.gauge("candela_job_samples", "eye samples merged",
+               static_cast<double>(j.row.sample_counts.eye_samples), labels);
     page.gauge("candela_job_samples_per_second", "over the last seconds", j.samples_per_second, labels);
     page.gauge("candela_job_checkpoint_iterations", "iterations in the newest checkpoint",
                static_cast<double>(j.checkpoint_iterations()), labels);

@@ -159,7 +159,7 @@ FarmPoint FarmHistory::look(const Scheduler& scheduler, Now now) {
   double merged = 0;
   std::map<std::string, std::uint64_t> samples;
   for (const auto& [id, job] : scheduler.jobs()) {
-    const std::uint64_t here = job.row.tallies.eye_samples;
+    const std::uint64_t here = job.row.sample_counts.eye_samples;
     const auto before = samples_.find(id);
     if (before != samples_.end())
       merged += here > before->second ? static_cast<double>(here - before->second) : 0;

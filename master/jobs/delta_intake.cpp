@@ -80,7 +80,7 @@ std::optional<Refusal> check(const film::Delta& delta, const DeltaHeader& header
       info.unit.begin != unit.begin || info.unit.end != unit.end ||
       (makes_film(unit.kind) && info.scale_log2 != expected.state->film_scale_log2))
     return corrupt("the delta is of another unit, job or scale than its header says");
-  const auto& rejected = delta.tallies().rejected;
+  const auto& rejected = delta.sample_counts().rejected;
   if (!makes_film(unit.kind) && *std::max_element(rejected.begin(), rejected.end()) > unit.end - unit.begin)
     return corrupt("more samples are rejected than there are");
   if (!expected.epochs) return std::nullopt;
@@ -175,7 +175,7 @@ std::optional<DeltaRefusal> DeltaIntake::merge_film(const DeltaHeader& header, c
   // On idle processors receiving takes as much as merging, and beside it; on busy ones a merge takes longer.
   const double merge_seconds = std::max(course.hash_seconds + seconds_since(course.turn), course.cpu_seconds);
   table_.with_scheduler([&](Scheduler& s) {
-    s.merged(header.worker_id, header.token, header.unit_id, header.job_id, unit, delta.tallies(),
+    s.merged(header.worker_id, header.token, header.unit_id, header.job_id, unit, delta.sample_counts(),
              header.render_seconds, course.receive_seconds + seconds_since(course.here), JobTable::now(),
              largest_record, merge_seconds, header.sha256);
   });
@@ -184,7 +184,7 @@ std::optional<DeltaRefusal> DeltaIntake::merge_film(const DeltaHeader& header, c
 
 std::optional<DeltaRefusal> DeltaIntake::merge_table(const DeltaHeader& header, const film::Delta& delta) {
   const auto taken = table_.with_scheduler([&](Scheduler& s) {
-    return s.complete_bootstrap(header.worker_id, header.token, delta.table(), delta.tallies().rejected,
+    return s.complete_bootstrap(header.worker_id, header.token, delta.table(), delta.sample_counts().rejected,
                                 header.render_seconds, JobTable::now());
   });
   if (!taken.ok()) return corrupt(taken.error().to_string());

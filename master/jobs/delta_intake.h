@@ -1,4 +1,4 @@
-// Deltas, from a worker's bytes to the merged tallies: verify, decode, merge, tell the scheduler.
+// Deltas, from a worker's bytes to the merged sample counts: verify, decode, merge, tell the scheduler.
 //
 // Called by any number of threads at a time. The class has no state and no lock of its own: the gate bounds
 // how many deltas are merged at a time, the film takes each delta once, and the table counts it.

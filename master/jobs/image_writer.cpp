@@ -151,9 +151,9 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
                                         const std::vector<StateReport::Layer>& state_layers) {
   const film::MergedFilm& film = *snapshot.film;
   CANDELA_ASSIGN(const film::Development development, develop(row, snapshot, parts.estimator));
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   for (std::uint32_t half = 0; half < 2; ++half)
-    if (includes(parts.which, half)) tallies.add(film.tallies(half));
+    if (includes(parts.which, half)) sample_counts.add(film.sample_counts(half));
   const JobSettings& s = row.settings;
   std::map<std::string, std::string> m;
   m["candela:job"] = row.id;
@@ -177,9 +177,9 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   m["candela:iterations"] = std::to_string(whole ? row.iterations_of(film.iterations())
                                                  : merged_in(film, parts.which) / row.per_round());
   if (!whole) m["candela:half"] = parts.which == Which::half0 ? "A" : "B";
-  m["candela:eye_samples"] = std::to_string(tallies.eye_samples);
-  m["candela:light_paths"] = std::to_string(tallies.light_paths);
-  m["candela:rays"] = std::to_string(tallies.rays);
+  m["candela:eye_samples"] = std::to_string(sample_counts.eye_samples);
+  m["candela:light_paths"] = std::to_string(sample_counts.light_paths);
+  m["candela:rays"] = std::to_string(sample_counts.rays);
   m["candela:scale"] = fmt::format("2^{}", film.scale_log2());
   if (whole) {
     stats::ErrorContext context = stats::context_of(s.integrator_settings, row.plan);
@@ -190,12 +190,14 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
     m["candela:relmse_upper"] = fmt::format("{:.6g}", e.upper);
   }
   for (int i = 0; i < film::kRejectCauses; ++i)
-    m[fmt::format("candela:rejected_{}", film::name(static_cast<film::RejectCause>(i)))] = std::to_string(
-        tallies.rejected[static_cast<std::size_t>(i)] + row.bootstrap_rejected[static_cast<std::size_t>(i)]);
-  if (tallies.sampled_merges > 0)
-    m["candela:repeated_merges"] = fmt::format(
-        "{:.4g}", static_cast<double>(tallies.repeated_merges) / static_cast<double>(tallies.sampled_merges));
-  m["candela:bounded_walks"] = std::to_string(tallies.bounded_walks);
+    m[fmt::format("candela:rejected_{}", film::name(static_cast<film::RejectCause>(i)))] =
+        std::to_string(sample_counts.rejected[static_cast<std::size_t>(i)] +
+                       row.bootstrap_rejected[static_cast<std::size_t>(i)]);
+  if (sample_counts.sampled_merges > 0)
+    m["candela:repeated_merges"] =
+        fmt::format("{:.4g}", static_cast<double>(sample_counts.repeated_merges) /
+                                  static_cast<double>(sample_counts.sampled_merges));
+  m["candela:bounded_walks"] = std::to_string(sample_counts.bounded_walks);
   if (row.chains) describe_chains(row, snapshot, parts.which, m);
   if (row.development)
     m["candela:estimator"] =

@@ -15,7 +15,7 @@ std::vector<std::string> JobStatus::layers() const {
 
 std::array<std::uint64_t, film::kRejectCauses> JobStatus::rejected() const {
   std::array<std::uint64_t, film::kRejectCauses> out = row.bootstrap_rejected;
-  for (std::size_t i = 0; i < out.size(); ++i) out[i] += row.tallies.rejected[i];
+  for (std::size_t i = 0; i < out.size(); ++i) out[i] += row.sample_counts.rejected[i];
   return out;
 }
 

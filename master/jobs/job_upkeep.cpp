@@ -209,7 +209,7 @@ bool JobUpkeep::look_at_prefixes(const std::string& job_id, JobFilm& film) {
       film.close();
       film.discard_ahead();
       table_.with_scheduler(
-          [&](Scheduler& s) { s.recount(job_id, film.account().tallies, JobTable::now()); });
+          [&](Scheduler& s) { s.recount(job_id, film.account().sample_counts, JobTable::now()); });
       return true;
     }
     if (state.looked.ends) return false;  // the job must not end yet

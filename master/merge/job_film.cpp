@@ -424,7 +424,7 @@ JobFilm::Account JobFilm::account() const {
   Account out;
   for (std::uint32_t h = 0; film_ && h < 2; ++h) {
     out.merged[h] = film_->merged(h);
-    out.tallies.add(film_->tallies(h));
+    out.sample_counts.add(film_->sample_counts(h));
   }
   return out;
 }

@@ -113,7 +113,7 @@ class JobFilm {
   // Merged indices, and the counts that came with them; empty if the film is not loaded.
   struct Account {
     std::array<film::IndexSet, 2> merged;
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
   };
   Account account() const;
   // Indices that it holds: merged ones, and those that are ahead.

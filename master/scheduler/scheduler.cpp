@@ -466,7 +466,7 @@ Delivery Scheduler::check_delivery(const std::string& worker_id, std::uint64_t t
 }
 
 void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
-                       const std::string& job_id, const Unit& unit, const film::Tallies& tallies,
+                       const std::string& job_id, const Unit& unit, const film::SampleCounts& sample_counts,
                        double render_seconds, double overhead_seconds, Now now, std::size_t record_bytes,
                        double merge_seconds, const std::string& sha256) {
   Job* job = find(job_id);
@@ -533,7 +533,7 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
   if (unit.begin >= job->border().end[unit.half]) ++job->units_ahead;
   j.units_merged += 1;
   j.iterations += unit.end - unit.begin;
-  j.tallies.add(tallies);
+  j.sample_counts.add(sample_counts);
   j.worker_seconds += render_seconds;
   note_build(*job, now);
   if (const auto w = workers_.find(worker_id); w != workers_.end()) {
@@ -543,7 +543,7 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
   }
   blend(job->overhead_seconds, overhead_seconds);
   blend(job->merge_seconds, merge_seconds);
-  job->recent.push_back({now.seconds, j.tallies.eye_samples, j.iterations});
+  job->recent.push_back({now.seconds, j.sample_counts.eye_samples, j.iterations});
   while (job->recent.size() > 2 && now.seconds - job->recent.front().seconds > 15) job->recent.pop_front();
   last_activity_ = now.seconds;
   check_stop(*job, now);

@@ -113,16 +113,16 @@ class Scheduler {
   // A job from the store, with what its film holds. `merged` rows and `unmerged` rows are reconciled with the
   // film: a row the film does not have is open again, a unit the film has is merged, gaps become new units.
   // For a job that has ended nothing is opened; what its rows tell and its film lacks is lost (Job::lost).
-  void restore(JobRow row, const std::array<film::IndexSet, 2>& film, const film::Tallies& tallies,
+  void restore(JobRow row, const std::array<film::IndexSet, 2>& film, const film::SampleCounts& sample_counts,
                std::vector<UnitRow> unmerged, std::vector<UnitRow> merged, Now now,
                const RestoredStages& restored = {});
   // A job that the store did not know, with what its folder tells (JobTruth::repair).
-  void adopt(JobRow row, const HalfSets& film, const film::Tallies& tallies, const RestoredStages& chains,
-             Now now);
+  void adopt(JobRow row, const HalfSets& film, const film::SampleCounts& sample_counts,
+             const RestoredStages& chains, Now now);
   // The film of a known job was read and does not hold what `merged` rows tell. As restore(), for one job of
   // a running master. `generation` is the newest on disk; `trouble` says what is wrong with the checkpoints,
   // if anything.
-  void reconcile(const std::string& id, const HalfSets& film, const film::Tallies& tallies,
+  void reconcile(const std::string& id, const HalfSets& film, const film::SampleCounts& sample_counts,
                  std::vector<UnitRow> merged, std::uint64_t generation, const std::string& trouble, Now now);
   // Leases of the store, after all jobs and workers are back: each gets a fresh expiry.
   void restore_lease(const LeaseRow& row, Now now);
@@ -166,7 +166,7 @@ class Scheduler {
   // end it.
   bool prefix_decided(const std::string& id, const WholePrefix& prefix, bool ends, Now now);
   // Counts of the film, after it dropped what was ahead.
-  void recount(const std::string& id, const film::Tallies& tallies, Now now);
+  void recount(const std::string& id, const film::SampleCounts& sample_counts, Now now);
   void checkpointed(const std::string& id, std::uint64_t generation, std::uint64_t iterations, Now now);
   void set_note(const std::string& id, const std::string& note);
 
@@ -236,7 +236,7 @@ class Scheduler {
   void touch_lease(std::uint64_t token, Now now);
   // The film has it. Also when the lease went away in the meantime: the film decides.
   void merged(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
-              const std::string& job_id, const Unit& unit, const film::Tallies& tallies,
+              const std::string& job_id, const Unit& unit, const film::SampleCounts& sample_counts,
               double render_seconds, double overhead_seconds, Now now, std::size_t record_bytes = 0,
               double merge_seconds = 0, const std::string& sha256 = {});
   // The bootstrap found nothing, nor did anything else in a round of all chains.

@@ -294,7 +294,7 @@ void Scheduler::begin_anew(const std::string& id, Now now) {
   row.thread_seconds_per_iteration = row.elapsed_seconds = row.worker_seconds = 0;
   row.units_merged = row.iterations = 0;
   row.builds.clear();
-  row.tallies = clean.tallies;
+  row.sample_counts = clean.sample_counts;
   row.relmse = clean.relmse;
   row.checkpoint_generation = row.checkpoint_iterations = 0;
   row.promised = clean.promised;

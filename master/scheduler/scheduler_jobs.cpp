@@ -423,7 +423,7 @@ double Scheduler::samples_per_second(const Job& job, Now now) const {
   if (now.seconds - last.seconds > kRateWindow) return 0;
   if (last.seconds <= first.seconds)
     return job.row.elapsed_seconds > 0
-               ? static_cast<double>(job.row.tallies.eye_samples) / job.row.elapsed_seconds
+               ? static_cast<double>(job.row.sample_counts.eye_samples) / job.row.elapsed_seconds
                : 0;
   return static_cast<double>(last.samples - first.samples) / (last.seconds - first.seconds);
 }

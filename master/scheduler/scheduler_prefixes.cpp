@@ -121,10 +121,10 @@ bool Scheduler::is_dropped(const Job& job, const Unit& unit) {
          unit.begin >= job.border().end[unit.half];
 }
 
-void Scheduler::recount(const std::string& id, const film::Tallies& tallies, Now now) {
+void Scheduler::recount(const std::string& id, const film::SampleCounts& sample_counts, Now now) {
   Job* job = find(id);
   if (job == nullptr) return;
-  job->row.tallies = tallies;
+  job->row.sample_counts = sample_counts;
   save(*job, now);
 }
 

@@ -82,7 +82,7 @@ std::uint64_t Scheduler::agree(Job& job, const HalfSets& film, std::vector<UnitR
   return missing_rows;
 }
 
-void Scheduler::restore(JobRow row, const HalfSets& film, const film::Tallies& tallies,
+void Scheduler::restore(JobRow row, const HalfSets& film, const film::SampleCounts& sample_counts,
                         std::vector<UnitRow> unmerged, std::vector<UnitRow> merged, Now now,
                         const RestoredStages& restored) {
   const std::string id = row.id;
@@ -101,7 +101,7 @@ void Scheduler::restore(JobRow row, const HalfSets& film, const film::Tallies& t
   merged.insert(merged.end(), std::make_move_iterator(unmerged.begin()),
                 std::make_move_iterator(unmerged.end()));  // merged ones first
   const std::uint64_t missing = agree(job, film, std::move(merged), now);
-  job.row.tallies = tallies;
+  job.row.sample_counts = sample_counts;
   place_prefix(job);
   look_for_doubts(job, now);
   if (!has_ended(job.row.state)) {
@@ -115,20 +115,20 @@ void Scheduler::restore(JobRow row, const HalfSets& film, const film::Tallies& t
   save(job, now);
 }
 
-void Scheduler::adopt(JobRow row, const HalfSets& film, const film::Tallies& tallies,
+void Scheduler::adopt(JobRow row, const HalfSets& film, const film::SampleCounts& sample_counts,
                       const RestoredStages& chains, Now now) {
   const std::string id = row.id;
   event(now, id, "", "adopted", fmt::format("taken in from its folder with {} merged indices", count(film)));
   if (row.chains) changes_.emplace_back(PutStarts{id, chains.starts});
   for (const StateRow& state : chains.states) changes_.emplace_back(PutState{state});
-  restore(std::move(row), film, tallies, {}, {}, now, chains);
+  restore(std::move(row), film, sample_counts, {}, {}, now, chains);
   start_fairly(*find(id));
   last_activity_ = now.seconds;
 }
 
-void Scheduler::reconcile(const std::string& id, const HalfSets& film, const film::Tallies& tallies,
-                          std::vector<UnitRow> merged, std::uint64_t generation, const std::string& trouble,
-                          Now now) {
+void Scheduler::reconcile(const std::string& id, const HalfSets& film,
+                          const film::SampleCounts& sample_counts, std::vector<UnitRow> merged,
+                          std::uint64_t generation, const std::string& trouble, Now now) {
   Job* job = find(id);
   if (job == nullptr) return;
   drop_all_leases(*job, now);
@@ -137,7 +137,7 @@ void Scheduler::reconcile(const std::string& id, const HalfSets& film, const fil
   const std::uint64_t missing = agree(*job, film, std::move(merged), now);
   if (!has_ended(job->row.state) && missing > 0)
     job->finishing = false;  // what its rows told is not all there
-  job->row.tallies = tallies;
+  job->row.sample_counts = sample_counts;
   place_prefix(*job);
   job->row.checkpoint_generation = generation;
   job->row.checkpoint_iterations = count(film);

@@ -88,10 +88,10 @@ void columns(auto& row, Of<JobRow> auto& j, Of<JobCells> auto& cells) {
   row("worker_seconds", j.worker_seconds);
   row("units_merged", j.units_merged);
   row("iterations", j.iterations);
-  row("eye_samples", j.tallies.eye_samples);
-  row("light_paths", j.tallies.light_paths);
-  row("rays", j.tallies.rays);
-  rejected_columns(row, "rejected_", j.tallies.rejected);
+  row("eye_samples", j.sample_counts.eye_samples);
+  row("light_paths", j.sample_counts.light_paths);
+  row("rays", j.sample_counts.rays);
+  rejected_columns(row, "rejected_", j.sample_counts.rejected);
   row("relmse", j.relmse);
   row("checkpoint_generation", j.checkpoint_generation);
   row("checkpoint_iterations", j.checkpoint_iterations);
@@ -108,9 +108,9 @@ void columns(auto& row, Of<JobRow> auto& j, Of<JobCells> auto& cells) {
   row("promised", j.promised);
   row("repairs_to", cells.repairs_to);
   row("work", cells.work);
-  row("sampled_merges", j.tallies.sampled_merges);
-  row("repeated_merges", j.tallies.repeated_merges);
-  row("bounded_walks", j.tallies.bounded_walks);
+  row("sampled_merges", j.sample_counts.sampled_merges);
+  row("repeated_merges", j.sample_counts.repeated_merges);
+  row("bounded_walks", j.sample_counts.bounded_walks);
   row("submitter", j.submitter);
   row("audit", cells.audit);
   row("stop_indices", j.stop_indices);

@@ -91,7 +91,7 @@ struct JobRow {
   double elapsed_seconds = 0;  // in which units of it were under way
   double worker_seconds = 0;   // of merged units
   std::uint64_t units_merged = 0;
-  film::Tallies tallies;  // of merged units
+  film::SampleCounts sample_counts;  // of merged units
   double relmse = std::numeric_limits<double>::quiet_NaN();
   double relmse_upper = std::numeric_limits<double>::quiet_NaN();  // not stored: convergence.txt has it
   std::uint64_t checkpoint_generation = 0, checkpoint_iterations = 0;

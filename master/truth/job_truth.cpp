@@ -55,7 +55,7 @@ Result<std::shared_ptr<JobFilm>> JobTruth::open_film(const std::string& job_id, 
   if (agrees) return film;
   CANDELA_ASSIGN(std::vector<UnitRow> rows, merged_rows(job_id));
   const bool ended = farm_.with_scheduler([&](Scheduler& s) {
-    s.reconcile(job_id, held.merged, held.tallies, std::move(rows), film->generation(), loading.trouble,
+    s.reconcile(job_id, held.merged, held.sample_counts, std::move(rows), film->generation(), loading.trouble,
                 farm_.now());
     return has_ended(s.job(job_id)->row.state);
   });
@@ -74,7 +74,8 @@ bool JobTruth::agree_if_short(const std::string& job_id, JobFilm& film) {
   Result<std::vector<UnitRow>> rows = merged_rows(job_id);
   if (!rows.ok()) return false;
   farm_.with_scheduler([&](Scheduler& s) {
-    s.reconcile(job_id, held.merged, held.tallies, std::move(*rows), film.generation(), "", farm_.now());
+    s.reconcile(job_id, held.merged, held.sample_counts, std::move(*rows), film.generation(), "",
+                farm_.now());
   });
   return true;
 }

@@ -127,7 +127,7 @@ Sample run_iterations(const TestScene& scene, std::uint64_t seed, std::uint64_t 
   Sample sample;
   for (std::size_t i = 0; i < film->layout().pixel_count() * 3; ++i)
     sample.image.push_back(static_cast<float>(static_cast<double>(film->sums()[i]) * to_value));
-  sample.count = static_cast<double>(film->tallies().eye_samples);
+  sample.count = static_cast<double>(film->sample_counts().eye_samples);
   sample.rate_seconds = sample.seconds = seconds;
   return sample;
 }

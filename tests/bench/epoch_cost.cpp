@@ -47,7 +47,7 @@ std::string encode(const render::UnitOutput& output, const film::DeltaInfo& info
   film::DeltaWriter writer(info);
   writer.film(*output.film);
   for (const auto& sums : output.accumulators) writer.accumulator(*sums, 0);
-  writer.counts(output.film->tallies());
+  writer.counts(output.film->sample_counts());
   return writer.finish();
 }
 

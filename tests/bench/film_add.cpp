@@ -45,7 +45,7 @@ void add(benchmark::State& state) {
   const std::uint32_t band = kHeight / threads;
   const std::uint32_t top = band * static_cast<std::uint32_t>(state.thread_index());
   std::uint32_t x = 0, y = 0, pass = 0;
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   for (auto _ : state) {
     // The sample's key and value, made the same way for all films; a renderer has both anyway.
     const std::uint64_t key = rng::combine((std::uint64_t{pass} << 32) | (top + y), x);
@@ -59,9 +59,9 @@ void add(benchmark::State& state) {
     if constexpr (kFilm == Film::plain) {
       both.plain.add(px, top + py, rgb);
     } else if constexpr (kFilm == Film::exact) {
-      both.exact.add(0, px, top + py, rgb, key, tallies);
+      both.exact.add(0, px, top + py, rgb, key, sample_counts);
     } else {
-      both.exact.splat(0, px, top + py, rgb, key, tallies);
+      both.exact.splat(0, px, top + py, rgb, key, sample_counts);
     }
     benchmark::ClobberMemory();
     if (++x == kWidth) {

@@ -16,7 +16,7 @@ constexpr film::Layout kLayout{1920, 1080, 1};
 // Exponentially distributed luminance (deviation = mean) times a colour that varies over the image and a
 // little by path.
 void fill(film::UnitFilm& film) {
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   for (std::uint32_t i = 0; i < 8; ++i) {
     for (std::uint32_t y = 0; y < kLayout.height; ++y) {
       for (std::uint32_t x = 0; x < kLayout.width; ++x) {
@@ -25,7 +25,7 @@ void fill(film::UnitFilm& film) {
         const float luminance = -std::log(1 - stream.next_float());
         const float shade = 0.2F + 1.6F * static_cast<float>(x) / kLayout.width;
         const auto jitter = [&] { return luminance * shade * (0.9F + 0.2F * stream.next_float()); };
-        film.add(0, x, y, {jitter(), 0.7F * jitter(), 0.4F * jitter()}, key, tallies);
+        film.add(0, x, y, {jitter(), 0.7F * jitter(), 0.4F * jitter()}, key, sample_counts);
       }
     }
   }

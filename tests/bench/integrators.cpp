@@ -169,7 +169,7 @@ class Run {
   // their CPU seconds.
   double run(std::uint64_t begin, std::uint64_t end) {
     sums_.assign(std::size_t{width_} * height_ * 3, 0.0);
-    tallies_ = {};
+    sample_counts_ = {};
     double seconds = 0;
     for (const Unit& unit : epochs_->units(begin, end)) {
       output_.clear();
@@ -182,7 +182,7 @@ class Run {
       const double to_value = std::ldexp(1.0, -output_.film->scale_log2()) / static_cast<double>(end - begin);
       for (std::size_t i = 0; i < sums_.size(); ++i)
         sums_[i] += static_cast<double>(output_.film->sums()[i]) * to_value;
-      tallies_.add(output_.tallies());
+      sample_counts_.add(output_.sample_counts());
     }
     return seconds;
   }
@@ -218,13 +218,13 @@ class Run {
   }
 
   std::vector<float> image() const { return {sums_.begin(), sums_.end()}; }
-  film::Tallies tallies() const { return tallies_; }
+  film::SampleCounts sample_counts() const { return sample_counts_; }
 
  private:
   bundle::DiskSource files_;
   std::uint32_t width_, height_;
   std::vector<double> sums_;  // means of what the last run added, row by row
-  film::Tallies tallies_;
+  film::SampleCounts sample_counts_;
   std::unique_ptr<render::Renderer> renderer_;
   render::UnitOutput output_;
   WorkPlan work_;
@@ -391,10 +391,10 @@ int mitsuba(const Options& options) {
         Run run(scene, row.integrator, truth.width, truth.height, seed, options.chosen);
         const double seconds = run.run(0, iterations);
         const auto error = stats::compare(run.image(), truth.rgb, truth.width, truth.height);
-        const film::Tallies tallies = run.tallies();
-        row.rates.push_back(
-            static_cast<double>(row.integrator == "light" ? tallies.light_paths : tallies.eye_samples) /
-            seconds * 1e-6);
+        const film::SampleCounts sample_counts = run.sample_counts();
+        row.rates.push_back(static_cast<double>(row.integrator == "light" ? sample_counts.light_paths
+                                                                          : sample_counts.eye_samples) /
+                            seconds * 1e-6);
         row.efficiencies.push_back(error.relmse * seconds);
         row.trimmed.push_back(error.relmse_trimmed * seconds);
       }

@@ -98,8 +98,8 @@ int main(int argc, char** argv) {
     for (std::size_t i = 0; i < image.size(); ++i)
       image[i] = static_cast<float>(static_cast<double>(film->sums()[i]) * to_value);
     const auto error = stats::compare(image, reference->rgb, settings.width, settings.height);
-    rates.push_back(static_cast<double>(film->tallies().eye_samples) / seconds);
-    ray_rates.push_back(static_cast<double>(film->tallies().rays) / seconds);
+    rates.push_back(static_cast<double>(film->sample_counts().eye_samples) / seconds);
+    ray_rates.push_back(static_cast<double>(film->sample_counts().rays) / seconds);
     efficiencies.push_back(error.relmse * seconds);
     trimmed.push_back(error.relmse_trimmed * seconds);
     std::printf(

@@ -101,7 +101,7 @@ double trace(const scene::Scene& scene, const SceneT& traced, std::uint64_t samp
   const estimators::PathOptions options{max_depth, 5, 1, transport::MisHeuristic::power};
   const estimators::Techniques techniques;
   samplers::Sampler sampler(samplers::SamplerKind::sobol, 1);
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   double sum = 0;
   const std::uint64_t iterations = std::max<std::uint64_t>(1, samples / (kExtent * kExtent));
   std::uint64_t left = samples;
@@ -113,8 +113,8 @@ double trace(const scene::Scene& scene, const SceneT& traced, std::uint64_t samp
         float weight = 0;
         const Ray ray = scene.camera_ray(static_cast<float>(x) + offset.x, static_cast<float>(y) + offset.y,
                                          {0.5f, 0.5f}, weight);
-        using Tracer = estimators::PathTracer<transport::Between::nothing, SceneT, samplers::Sampler>;
-        const Spectrum value = Tracer(traced, options, techniques, sampler, tallies).radiance(ray);
+        using Tracer = estimators::PathTracer<transport::EdgeContent::nothing, SceneT, samplers::Sampler>;
+        const Spectrum value = Tracer(traced, options, techniques, sampler, sample_counts).radiance(ray);
         sum += static_cast<double>(value.g);
       }
   return sum;

@@ -38,16 +38,16 @@ constexpr const char* kEmptyScene = "<scene version='3.0.0'/>";
 std::string large_delta(const v1::Lease& lease) {
   const Unit unit = wire::from_proto(lease.unit()).value();
   film::UnitFilm film({kFilmWidth, kFilmHeight, 1}, lease.named_state().film_scale_log2());
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   for (std::uint64_t i = unit.begin; i < unit.end; ++i)
     for (std::uint32_t y = 0; y < kFilmHeight; ++y)
       for (std::uint32_t x = 0; x < kFilmWidth; ++x) {
         const std::uint64_t key = rng::key(unit.half, i, y, x);
         const float v = 1 + rng::to_float(static_cast<std::uint32_t>(key));
-        tallies.eye_samples += 1;
-        film.add(0, x, y, {v, v, v}, key, tallies);
+        sample_counts.eye_samples += 1;
+        film.add(0, x, y, {v, v, v}, key, sample_counts);
       }
-  film.count(tallies);
+  film.count(sample_counts);
   return film::encode_delta(
       film, {unit, film.layout(), film.scale_log2(), lease.job_id(), std::string(build_id())});
 }

@@ -44,11 +44,11 @@ class FilmDigest {
   void sums(const std::int64_t* begin, std::size_t count) {
     for (std::size_t i = 0; i < count; ++i) number(static_cast<std::uint64_t>(begin[i]));
   }
-  void tallies(const film::Tallies& tallies) {
-    number(tallies.eye_samples);
-    number(tallies.light_paths);
-    for (std::size_t cause = 0; cause < tallies.rejected.size(); ++cause)
-      if (cause < kFirstCauses || tallies.rejected[cause] != 0) number(tallies.rejected[cause]);
+  void sample_counts(const film::SampleCounts& sample_counts) {
+    number(sample_counts.eye_samples);
+    number(sample_counts.light_paths);
+    for (std::size_t cause = 0; cause < sample_counts.rejected.size(); ++cause)
+      if (cause < kFirstCauses || sample_counts.rejected[cause] != 0) number(sample_counts.rejected[cause]);
   }
   void normalisation(const chains::Normalisation& normalisation) {
     number(normalisation.b);
@@ -144,7 +144,7 @@ std::string hash_of_iterations(const statistical::TestScene& scene, const Render
       digest.number(std::uint64_t{extent});
     digest.number(static_cast<std::uint64_t>(job->scale_log2));
     digest.sums(half.sums.data(), half.sums.size());
-    digest.tallies(half.tallies);
+    digest.sample_counts(half.sample_counts);
   }
   for (const std::string& state : job->states) digest.text(state);
   return digest.hex();
@@ -162,7 +162,7 @@ std::string hash_of_chains(const statistical::TestScene& scene, const RenderPlan
   digest.normalisation(image.b0);
   digest.normalisation(image.b);
   digest.sums(image.sums.data(), image.sums.size());
-  digest.tallies(image.tallies);
+  digest.sample_counts(image.sample_counts);
   for (const chains::ChainRecord& record : image.records) digest.record(record);
   return digest.hex();
 }

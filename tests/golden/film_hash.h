@@ -12,7 +12,7 @@
 // * for iterations with epochs, the states that were decided;
 // * for chains: the plan, b0 and b with their standard errors and numbers of samples, the sums of both
 //   layers, and the counts and sums of each chain's record;
-// * the tallies of eye samples, light paths, and rejected samples by cause.
+// * the sample counts of eye samples, light paths, and rejected samples by cause.
 //
 // The hash leaves out the count of rays: code that traces a shadow ray earlier, later or not at all may give
 // the same film. It leaves out the bytes of a chain's state, whose format may change with the code; what the

@@ -32,10 +32,10 @@ std::string head_of(const film::DeltaInfo& info) {
 }
 
 // The section of counts.
-std::string counts_of(const film::Tallies& tallies) {
+std::string counts_of(const film::SampleCounts& sample_counts) {
   const std::string head = head_of({});
   film::DeltaWriter writer(film::DeltaInfo{});
-  writer.counts(tallies);
+  writer.counts(sample_counts);
   const std::string bytes = writer.finish();
   return bytes.substr(head.size(), bytes.size() - head.size() - kChecksumBytes);
 }
@@ -51,8 +51,8 @@ grpc::ByteBuffer data_message(std::string_view bytes) {
   return message(chunk);
 }
 
-film::Tallies times(film::Tallies one, std::uint64_t count) {
-  film::Tallies sum = one;
+film::SampleCounts times(film::SampleCounts one, std::uint64_t count) {
+  film::SampleCounts sum = one;
   for (std::uint64_t i = 1; i < count; ++i) sum.add(one);
   return sum;
 }
@@ -75,11 +75,11 @@ Recording::Recording(const std::string& scene_file, const JobSettings& settings,
       throw std::runtime_error(ran.error().to_string());
     const film::DeltaInfo info{unit, {}, 0, "job", std::string(build_id())};
     const std::string bytes = encode_delta(info, output);
-    const film::Tallies tallies = output.film->tallies();
+    const film::SampleCounts sample_counts = output.film->sample_counts();
     const std::size_t head = head_of(info).size();
-    const std::size_t tail = counts_of(tallies).size() + kChecksumBytes;
+    const std::size_t tail = counts_of(sample_counts).size() + kChecksumBytes;
     Film film{bytes.substr(head, bytes.size() - head - tail),
-              tallies,
+              sample_counts,
               unwrap(film::Delta::decode(bytes, output.film->layout())),
               {}};
     for (std::size_t at = 0; at < film.section.size(); at += kChunkBytes)
@@ -95,7 +95,7 @@ Delivery Recording::deliver(std::size_t i, const v1::Lease& lease, v1::DeltaHead
   thread_local std::string whole;  // its memory is kept
   whole = head;
   whole += film.section;
-  whole += counts_of(times(film.tallies, unit.end - unit.begin));
+  whole += counts_of(times(film.sample_counts, unit.end - unit.begin));
   film::seal(whole);
 
   Delivery delivery;

@@ -38,7 +38,7 @@ class Recording {
  private:
   struct Film {
     std::string section;  // the delta's bytes between its ids and its counts
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     film::Delta delta;
     std::vector<grpc::ByteBuffer> chunks;  // `section` as messages
   };

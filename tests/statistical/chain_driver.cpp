@@ -49,7 +49,7 @@ ChainImage render_chains_now(const ChainJob& job, std::uint64_t seed) {
       !done.ok())
     throw std::runtime_error(done.error().to_string());
   result.bootstrap_seconds = cpu_seconds() - begin;
-  result.tallies = bootstrap.counts;
+  result.sample_counts = bootstrap.counts;
   const std::vector<float>& contributions = bootstrap.table;
   chains::BootstrapTable table(contributions.size());
   if (const auto inserted = table.insert(0, contributions); !inserted.ok())
@@ -83,7 +83,7 @@ ChainImage render_chains_now(const ChainJob& job, std::uint64_t seed) {
     }
   }
   result.segments_seconds = cpu_seconds() - chains_begin;
-  result.tallies.add(film->tallies());
+  result.sample_counts.add(film->sample_counts());
 
   std::vector<chains::ChainCounts> counts;
   for (const auto& record : result.records) counts.push_back(record.counts);
@@ -132,7 +132,7 @@ Estimator make_chain_estimator(const std::string& name, const ChainJob& job, std
             const auto work = [&] {
               for (std::size_t batch = next++; batch < batches; batch = next++) try {
                   const ChainImage image = render_chains(larger, seed + (stage << 20) + batch);
-                  for (const std::uint64_t rejected : image.tallies.rejected)
+                  for (const std::uint64_t rejected : image.sample_counts.rejected)
                     if (rejected != 0) throw std::runtime_error(fmt::format("{} rejected", rejected));
                   rows[batch] = regions.means(image.image);
                   if (proofs::probing())

@@ -25,7 +25,7 @@ struct ChainImage {
   ChainPlan plan;
   NamedState state;                                    // that the segments started from
   std::vector<chains::ChainRecord> records;            // in the order of chains
-  film::Tallies tallies;                               // of bootstrap and segments
+  film::SampleCounts sample_counts;                    // of bootstrap and segments
   std::vector<std::int64_t> sums;                      // of the film
   double bootstrap_seconds = 0, segments_seconds = 0;  // CPU, all threads
 };

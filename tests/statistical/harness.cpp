@@ -48,7 +48,7 @@ std::vector<std::vector<double>> job_means(const TestScene& scene, const render:
   const auto job = test::render_job(renderer, pilot, iterations, run);
   if (!job.ok()) give_up(job.error());
   for (const auto& half : job->halves) proofs::film(identity(scene), half.sums);
-  for (const std::uint64_t rejected : job->tallies().rejected)
+  for (const std::uint64_t rejected : job->sample_counts().rejected)
     if (rejected != 0) throw std::runtime_error(fmt::format("{} samples were rejected", rejected));
   std::vector<std::vector<double>> layers;
   for (std::size_t layer = 0; layer < job->layout.layers; ++layer) layers.push_back(job->mean(layer));
@@ -221,7 +221,7 @@ std::vector<float> render_batch(const TestScene& scene, const std::vector<Unit>&
     if (!done.ok()) give_up(done.error());
     rendered += unit.end - unit.begin;
   }
-  for (std::uint64_t rejected : film->tallies().rejected)
+  for (std::uint64_t rejected : film->sample_counts().rejected)
     if (rejected != 0) throw std::runtime_error(fmt::format("{} samples were rejected", rejected));
   const double to_value = std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(rendered);
   proofs::film(identity(scene), {film->sums(), film->layout().pixel_count() * 3 * film->layout().layers});
@@ -309,7 +309,7 @@ std::vector<std::vector<double>> render_layers_now(const TestScene& scene, const
   const auto done = renderer->run({Unit::Kind::iterations, half, first, first + iterations},
                                   {pilot->state, {}, {}}, output, run);
   if (!done.ok()) give_up(done.error());
-  for (const std::uint64_t rejected : film->tallies().rejected)
+  for (const std::uint64_t rejected : film->sample_counts().rejected)
     if (rejected != 0)
       throw std::runtime_error(fmt::format("{} samples of {} were rejected (seed {}, half {}, first {})",
                                            rejected, scene.settings.integrator, seed, half, first));

@@ -83,7 +83,7 @@ class Job {
       sums.emplace_back(kExtent, kExtent, work().accumulators[i]);
     for (std::size_t i = 0; i < delta->accumulators().size(); ++i)
       sums[i].merge(delta->accumulators()[i].sums);
-    for (const std::uint64_t rejected : into.film.tallies(half).rejected) EXPECT_EQ(rejected, 0U);
+    for (const std::uint64_t rejected : into.film.sample_counts(half).rejected) EXPECT_EQ(rejected, 0U);
   }
   std::vector<float> image(const Merged& m, std::string_view estimator) const {
     film::Development development;

@@ -186,12 +186,12 @@ TEST(Exactness, SpoiledSamplesAreCountedAndKeptOut) {
   auto output = renderer->make_output(NamedState{20});
   const auto& film = output.film;
   ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 64}, {}, output, run).ok());
-  const film::Tallies tallies = film->tallies();
-  EXPECT_EQ(tallies.eye_samples, 32U * 32 * 64);
+  const film::SampleCounts sample_counts = film->sample_counts();
+  EXPECT_EQ(sample_counts.eye_samples, 32U * 32 * 64);
   // Each cause is spoiled once in 64 of 65536 samples: 1024 expected, standard deviation 32; 6 of them allow
   // 2e-9. No statistics are taken here.
   for (int c = 0; c < film::kRejectCauses; ++c) {
-    const auto count = static_cast<double>(tallies.rejected[static_cast<std::size_t>(c)]);
+    const auto count = static_cast<double>(sample_counts.rejected[static_cast<std::size_t>(c)]);
     const bool spoilt = static_cast<film::RejectCause>(c) != film::RejectCause::statistics;
     EXPECT_NEAR(count, spoilt ? 1024.0 : 0.0, spoilt ? 6 * 32.0 : 0.0) << c;
   }

@@ -269,7 +269,7 @@ Bounded bounded(const TestScene& scene, std::uint64_t iterations) {
   double sum = 0;
   for (std::size_t i = 0; i < values; ++i) sum += static_cast<double>(output.film->sums()[i]);
   return {std::ldexp(sum, -kScale) / static_cast<double>(iterations * values),
-          output.film->tallies().bounded_walks};
+          output.film->sample_counts().bounded_walks};
 }
 
 // Claim: between walls of albedo .999 a third of the light has more edges than Russian roulette lets bright

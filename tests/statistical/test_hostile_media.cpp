@@ -80,7 +80,7 @@ Mean mean_of_one_renderer(const TestScene& scene, const Method& method, std::uin
     const Unit unit{Unit::Kind::iterations, 0, batch * iterations, (batch + 1) * iterations};
     const auto done = renderer->run(unit, {}, output, run);
     if (!done.ok()) throw std::runtime_error(done.error().to_string());
-    for (const std::uint64_t rejected : output.film->tallies().rejected) EXPECT_EQ(rejected, 0U);
+    for (const std::uint64_t rejected : output.film->sample_counts().rejected) EXPECT_EQ(rejected, 0U);
     std::vector<double>& image = batches.emplace_back();
     for (std::size_t i = 0; i < output.film->layout().pixel_count() * 3; ++i)
       image.push_back(std::ldexp(static_cast<double>(output.film->sums()[i]), -output.film->scale_log2()) /

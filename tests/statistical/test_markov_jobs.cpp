@@ -48,8 +48,8 @@ double luminance_of(const std::vector<double>& image) {
   return sum / static_cast<double>(image.size() / 3);
 }
 
-// Claim: the film, the chains' records and the tallies are the same to the last bit whatever the threads,
-// with direct light by either way.
+// Claim: the film, the chains' records and the sample counts are the same to the last bit whatever the
+// threads, with direct light by either way.
 TEST(MarkovJobs, ThreadsChangeNothing) {
   const TestScene scene = scene_from_transport("mixed", 40, 24);
   for (const Method& method : methods()) {
@@ -65,7 +65,7 @@ TEST(MarkovJobs, ThreadsChangeNothing) {
         const ChainImage many = render_chains(job, 5);
         EXPECT_EQ(many.sums, one.sums);
         EXPECT_EQ(many.records, one.records);
-        EXPECT_EQ(many.tallies, one.tallies);
+        EXPECT_EQ(many.sample_counts, one.sample_counts);
         EXPECT_EQ(many.b.b, one.b.b);
       }
     }
@@ -293,7 +293,7 @@ TEST(MarkovJobs, SpoiltSamplesAreQuarantined) {
   };
   const render::UnitOutput samples = bootstrap(*renderer, 0, 2000, run);
   const std::vector<float>& contributions = samples.table;
-  const auto spoilt = [](const film::Tallies& t) {
+  const auto spoilt = [](const film::SampleCounts& t) {
     return std::min({t.rejected[0], t.rejected[1], t.rejected[2]});
   };
   EXPECT_GT(spoilt(samples.counts), 5u);
@@ -306,7 +306,7 @@ TEST(MarkovJobs, SpoiltSamplesAreQuarantined) {
   const std::vector<chains::ChainStart> starts = {{chosen[0], {}}, {chosen[2], {}}};
   auto output = renderer->make_output(state);
   ASSERT_TRUE(renderer->run({Unit::Kind::segments, 0, 0, 2}, {state, {}, starts}, output, run).ok());
-  EXPECT_GT(spoilt(output.tallies()), 5u);
+  EXPECT_GT(spoilt(output.sample_counts()), 5u);
   for (const auto& record : output.records) {
     EXPECT_TRUE(std::isfinite(record.counts.large_sum));
     EXPECT_NEAR(record.counts.large_sum / static_cast<double>(record.counts.large_steps), state.bootstrap_b,

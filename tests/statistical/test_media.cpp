@@ -330,13 +330,13 @@ void expect_techniques_agree(const std::string& body, const std::vector<Vec2>& p
                             int count) {
     Moments value;
     samplers::Sampler sampler(samplers::SamplerKind::independent, seed);
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     if (proofs::probing()) count /= 50;
     for (int i = 0; i < count; ++i) {
       sampler.start(0, static_cast<std::uint64_t>(i), 0, 0);
       float weight = 1;
-      value.add(static_cast<double>(luminance(estimators::path_radiance<transport::Between::media>(
-          scene, limits, techniques, scene.camera_ray(x, y, {0.5f, 0.5f}, weight), sampler, tallies))));
+      value.add(static_cast<double>(luminance(estimators::path_radiance<transport::EdgeContent::media>(
+          scene, limits, techniques, scene.camera_ray(x, y, {0.5f, 0.5f}, weight), sampler, sample_counts))));
     }
     const double sums[] = {value.mean(), value.error()};
     proofs::fact(fmt::format("radiance {} at {} {} in {}", seed, x, y, body), sums);

@@ -39,15 +39,15 @@ TEST(Upbp, WorkIsThatOfVcmWithoutMedia) {
       16, 16);
   const auto work_of = [](const TestScene& scene) {
     const auto renderer = make_renderer(scene);
-    std::vector<film::Tallies> tallies;
+    std::vector<film::SampleCounts> sample_counts;
     for (const Unit& unit : {Unit{Unit::Kind::iterations, 0, 0, 2}, Unit{Unit::Kind::iterations, 1, 5, 6}}) {
       const NamedState state = pilot_state(scene);
       auto output = renderer->make_output(state);
       EXPECT_TRUE(renderer->run(unit, {state, {}, {}}, output, {}).ok());
-      tallies.push_back(output.film->tallies());
+      sample_counts.push_back(output.film->sample_counts());
     }
     const std::string plan = renderer->plan_text().value();
-    return std::pair(tallies, plan.substr(plan.find('\n', plan.find("integrator:"))));
+    return std::pair(sample_counts, plan.substr(plan.find('\n', plan.find("integrator:"))));
   };
   for (const TestScene& scene : {scene_from_transport("caustic", 16, 16), dark_water}) {
     const auto vcm = work_of(with_integrator(scene, "vcm"));
@@ -91,7 +91,7 @@ TEST(Upbp, PlanTellsTheMemoryOfPhotonsAndBeams) {
   constexpr double kTree = 12.0 + 3.0 * 8 / 7, kSearch = sizeof(Vec3) + 4, kRim = 400;
   constexpr double kBeam =
       2 * (sizeof(transport::PhotonBeam) + sizeof(transport::EdgeStart) + sizeof(scene::EmissionSample));
-  constexpr double kMostOfPieces = 64 * 60;
+  constexpr double kMaxShareOfPieces = 64 * 60;
   for (const std::uint32_t side : {16U, 64U, 256U}) {
     const double paths = side * side;
     const Told all = told(side, "all", 100);
@@ -99,7 +99,7 @@ TEST(Upbp, PlanTellsTheMemoryOfPhotonsAndBeams) {
     EXPECT_LE(all.photons, 1.005 * (kPhoton + kTree + kSearch + 4) * paths + kRim);
     const double beams = std::floor(paths / std::ceil(paths / 100));
     EXPECT_GE(all.beams, 0.98 * kBeam * beams);
-    EXPECT_LE(all.beams, 1.02 * (kBeam + kMostOfPieces) * (beams + 1));
+    EXPECT_LE(all.beams, 1.02 * (kBeam + kMaxShareOfPieces) * (beams + 1));
   }
   const Told points = told(64, "pp3d", 0), few = told(64, "bb1d", 64), many = told(64, "bb1d", 0);
   EXPECT_LE(points.photons, 1.005 * (kPhoton + kSearch) * 64 * 64);

@@ -62,11 +62,11 @@ Point point_of(const std::vector<std::string>& cells) {
   p.stderr_of_deviation = real(cells[8]);
   p.tolerance = real(cells[9]);
   p.iterations = count(cells[10]);
-  p.tallies.rays = count(cells[11]);
-  p.tallies.eye_samples = count(cells[12]);
-  p.tallies.light_paths = count(cells[13]);
+  p.sample_counts.rays = count(cells[11]);
+  p.sample_counts.eye_samples = count(cells[12]);
+  p.sample_counts.light_paths = count(cells[13]);
   for (std::size_t c = 0; c < film::kRejectCauses; ++c)
-    p.tallies.rejected[c] = count(cells[kFirstRejected + c]);
+    p.sample_counts.rejected[c] = count(cells[kFirstRejected + c]);
   p.seconds = real(cells[kFirstRejected + film::kRejectCauses]);
   p.refusal = cells[kFirstRejected + film::kRejectCauses + 1];
   return p;
@@ -85,11 +85,11 @@ std::string csv(const std::vector<Point>& points) {
     std::string refusal = p.refusal;
     for (char& c : refusal)
       if (c == ',' || c == '\n' || c == '"') c = ';';
-    text +=
-        fmt::format("{},{},{},{},{},{:.9g},{:.9g},{:.4g},{:.4g},{:.4g},{},{},{},{},{},{:.3f},{}\n", p.sweep,
-                    p.integrator, p.value, name(p.verdict), p.quantity, p.measured, p.expected, p.deviation,
-                    p.stderr_of_deviation, p.tolerance, p.iterations, p.tallies.rays, p.tallies.eye_samples,
-                    p.tallies.light_paths, fmt::join(p.tallies.rejected, ","), p.seconds, refusal);
+    text += fmt::format("{},{},{},{},{},{:.9g},{:.9g},{:.4g},{:.4g},{:.4g},{},{},{},{},{},{:.3f},{}\n",
+                        p.sweep, p.integrator, p.value, name(p.verdict), p.quantity, p.measured, p.expected,
+                        p.deviation, p.stderr_of_deviation, p.tolerance, p.iterations, p.sample_counts.rays,
+                        p.sample_counts.eye_samples, p.sample_counts.light_paths,
+                        fmt::join(p.sample_counts.rejected, ","), p.seconds, refusal);
   }
   return text;
 }
@@ -199,12 +199,12 @@ std::string markdown(const std::vector<Sweep>& sweeps, const std::vector<Point>&
   text += "|---|---|---|---|---|---|---|---|---|\n";
   std::uint64_t rejected = 0, samples = 0;
   for (const Point& p : points) {
-    const std::uint64_t of = p.tallies.rays;
+    const std::uint64_t of = p.sample_counts.rays;
     samples += of;
     rejected += p.rejected();
     if (p.rejected() == 0) continue;
     text += fmt::format("| `{}` | `{}` | {} | {} | {} |\n", p.sweep, p.integrator, value_text(p.value),
-                        fmt::join(p.tallies.rejected, " | "), of);
+                        fmt::join(p.sample_counts.rejected, " | "), of);
   }
   text += fmt::format("\n{} points, {} rays, {} samples rejected.\n", points.size(), samples, rejected);
   return text;

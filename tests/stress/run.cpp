@@ -57,10 +57,10 @@ double mean_over(const Quantity& q, std::uint32_t width, const std::vector<doubl
 // rejected samples.
 std::vector<double> render_batch(const TestScene& scene, const NamedState& state, std::uint64_t seed,
                                  std::uint32_t half, std::uint64_t first, std::uint64_t iterations,
-                                 const RunOptions& options, film::Tallies& tallies) {
+                                 const RunOptions& options, film::SampleCounts& sample_counts) {
   if (test::has_chains(scene.settings.integrator)) {
     const auto image = statistical::render_chains({scene, iterations, 1, 1}, seed);
-    tallies = image.tallies;
+    sample_counts = image.sample_counts;
     return image.image;
   }
   TestScene seeded = scene;
@@ -75,7 +75,7 @@ std::vector<double> render_batch(const TestScene& scene, const NamedState& state
     pilot->state = state;
     const auto job = test::render_job(*renderer, *pilot, iterations, run);
     if (!job.ok()) throw std::runtime_error(job.error().to_string());
-    tallies = job->tallies();
+    sample_counts = job->sample_counts();
     for (const auto& sums : job->halves) proofs::film(statistical::identity(scene), sums.sums);
     return job->mean(0);
   }
@@ -83,7 +83,7 @@ std::vector<double> render_batch(const TestScene& scene, const NamedState& state
   const auto& film = output.film;
   const auto done = renderer->run({Unit::Kind::iterations, half, first, first + iterations}, {}, output, run);
   if (!done.ok()) throw std::runtime_error(done.error().to_string());
-  tallies = film->tallies();
+  sample_counts = film->sample_counts();
   proofs::film(statistical::identity(scene), {film->sums(), film->layout().pixel_count() * 3});
   const double to_value = std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(iterations);
   std::vector<double> image(film->layout().pixel_count() * 3);
@@ -95,7 +95,7 @@ std::vector<double> render_batch(const TestScene& scene, const NamedState& state
 
 std::uint64_t Point::rejected() const {
   std::uint64_t sum = 0;
-  for (const std::uint64_t n : tallies.rejected) sum += n;
+  for (const std::uint64_t n : sample_counts.rejected) sum += n;
   return sum;
 }
 
@@ -124,14 +124,14 @@ Runner::Stage Runner::render(double value, int stage, std::uint64_t iterations) 
   std::exception_ptr trouble;
   const auto work = [&] {
     for (std::size_t batch = next++; batch < batches; batch = next++) try {
-        film::Tallies tallies;
-        const auto image =
-            render_batch(scene, state, options_.seed + (static_cast<std::uint64_t>(stage) << 20) + batch,
-                         static_cast<std::uint32_t>(batch % 2), shot.first, iterations, options_, tallies);
+        film::SampleCounts sample_counts;
+        const auto image = render_batch(
+            scene, state, options_.seed + (static_cast<std::uint64_t>(stage) << 20) + batch,
+            static_cast<std::uint32_t>(batch % 2), shot.first, iterations, options_, sample_counts);
         for (const Quantity& q : shot.quantities)
           result.rows[batch].push_back(mean_over(q, shot.width, image));
         const std::lock_guard lock(mutex);
-        result.tallies.add(tallies);
+        result.sample_counts.add(sample_counts);
       } catch (...) {
         const std::lock_guard lock(mutex);
         trouble = std::current_exception();
@@ -168,12 +168,12 @@ Point Runner::run(double value) {
     for (int stage = 0; stage < options_.stages; ++stage, iterations *= 4) {
       const Stage here = render(value, stage, iterations);
       if (paired && !baseline_.contains(stage)) baseline_[stage] = render(sweep_.benign, stage, iterations);
-      point.tallies.add(here.tallies);
+      point.sample_counts.add(here.sample_counts);
       point.iterations = iterations;
       point.verdict = Verdict::within;
       if (proofs::probing()) {
         note(shot);
-        proofs::fact("rejected", fmt::format("{}", fmt::join(here.tallies.rejected, " ")));
+        proofs::fact("rejected", fmt::format("{}", fmt::join(here.sample_counts.rejected, " ")));
         break;
       }
       double worst = -1;
@@ -211,7 +211,7 @@ Point Runner::run(double value) {
         }
       }
       if (point.verdict != Verdict::undecided) break;
-      if (static_cast<double>(here.tallies.rays) * 4 > options_.most_rays) break;
+      if (static_cast<double>(here.sample_counts.rays) * 4 > options_.most_rays) break;
     }
   } catch (const std::exception& error) {
     point.verdict = Verdict::broken;

@@ -20,10 +20,10 @@ struct Point {
   // Of the quantity that decided, or came nearest to its tolerance.
   std::string quantity;
   double measured = 0, expected = 0, deviation = 0, stderr_of_deviation = 0, tolerance = 0;
-  film::Tallies tallies;         // of all batches of all stages
-  std::uint64_t iterations = 0;  // a batch, in the last stage
-  double seconds = 0;            // CPU
-  std::string refusal;           // why nothing could be rendered
+  film::SampleCounts sample_counts;  // of all batches of all stages
+  std::uint64_t iterations = 0;      // a batch, in the last stage
+  double seconds = 0;                // CPU
+  std::string refusal;               // why nothing could be rendered
   std::uint64_t rejected() const;
 };
 
@@ -47,7 +47,7 @@ class Runner {
  private:
   struct Stage {
     std::vector<std::vector<double>> rows;  // [batch][quantity]
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
   };
   Stage render(double value, int stage, std::uint64_t iterations) const;
   // Tells the probe what the verdict depends on beside films.

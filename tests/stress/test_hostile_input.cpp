@@ -94,7 +94,7 @@ TEST(HostileInput, HugeTexelsAreCountedOrRendered) {
     for (std::size_t i = 0; i < 8 * 8 * 3; ++i) largest = std::max(largest, film->sums()[i]);
     const double brightest = std::ldexp(static_cast<double>(largest), -film->scale_log2());
     std::uint64_t rejected = 0;
-    for (const std::uint64_t n : film->tallies().rejected) rejected += n;
+    for (const std::uint64_t n : film->sample_counts().rejected) rejected += n;
     EXPECT_TRUE(rejected > 0 || brightest > 1e37) << use << ": lost without a word, " << brightest;
   }
 }
@@ -120,7 +120,7 @@ TEST(HostileInput, PowerBeyondFloatsIsCounted) {
     test::EpochRun job(*renderer, *pilot);
     ASSERT_TRUE(job.run({Unit::Kind::iterations, 0, 0, 4}, output, {}).ok());
     std::uint64_t rejected = 0;
-    for (const std::uint64_t n : film->tallies().rejected) rejected += n;
+    for (const std::uint64_t n : film->sample_counts().rejected) rejected += n;
     EXPECT_GT(rejected, 0U) << integrator;
   }
 }

@@ -73,8 +73,8 @@ TEST(StressMachinery, FlagsPlantedFaults) {
     options.fault = spoil_some;
     const Point spoilt = run_one(closed_spheres(1), integrator, options);
     EXPECT_EQ(spoilt.verdict, Verdict::broken) << integrator;
-    EXPECT_GT(spoilt.tallies.rejected[0], 0U) << integrator;
-    EXPECT_EQ(spoilt.tallies.rejected[0], spoilt.rejected()) << integrator;
+    EXPECT_GT(spoilt.sample_counts.rejected[0], 0U) << integrator;
+    EXPECT_EQ(spoilt.sample_counts.rejected[0], spoilt.rejected()) << integrator;
   }
 }
 
@@ -153,14 +153,14 @@ TEST(StressMachinery, PointsAreReadAsTheyWereWritten) {
   p.verdict = Verdict::broken;
   p.quantity = "top left";
   p.measured = 1.5;
-  p.tallies.rejected = {1, 2, 3, 4, 5};
-  p.tallies.eye_samples = 7;
+  p.sample_counts.rejected = {1, 2, 3, 4, 5};
+  p.sample_counts.eye_samples = 7;
   p.refusal = "no, \"never\"";
   const auto read = read_csv(csv({p, p}));
   ASSERT_EQ(read.size(), 2U);
   EXPECT_EQ(csv(read), csv({p, p}));
   EXPECT_EQ(read[0].value, p.value);
-  EXPECT_EQ(read[0].tallies.rejected, p.tallies.rejected);
+  EXPECT_EQ(read[0].sample_counts.rejected, p.sample_counts.rejected);
   // A damaged line is no point.
   for (const auto& [part, damaged] : std::map<std::string, std::string>{{",broken,", ",maybe,"},
                                                                         {",vcm,", ",vcm,,"},

@@ -117,7 +117,7 @@ class Proof {
     EXPECT_EQ(facts_.delta, seen_.delta);
     EXPECT_EQ(facts_.smooth, seen_.smooth);
     EXPECT_EQ(facts_.transmissive, seen_.transmissive);
-    EXPECT_EQ(facts_.straight, seen_.straight);
+    EXPECT_EQ(facts_.passthrough, seen_.passthrough);
     return tests_;
   }
 
@@ -126,7 +126,8 @@ class Proof {
   std::vector<std::int64_t> bits() {
     Bits out;
     if (!build()) return out.words;
-    for (const bool fact : {facts_.delta, facts_.smooth, facts_.transmissive, facts_.straight}) out.add(fact);
+    for (const bool fact : {facts_.delta, facts_.smooth, facts_.transmissive, facts_.passthrough})
+      out.add(fact);
     std::vector<double> cosines = {1, 0.85, 0.5, 0.1, 1e-3, 1e-20};
     cosines.insert(cosines.end(), c_.more_cosines.begin(), c_.more_cosines.end());
     int index = 0;
@@ -160,7 +161,7 @@ class Proof {
     const Closure closure = prepare(wo);
     for (const bool flag : {closure.black, closure.purely_delta(), closure.even(), closure.chooses_lobe()})
       out.add(flag);
-    out.add(closure.straight(wo));
+    out.add(closure.passthrough(wo));
     rng::Stream stream(key);
     for (int i = 0; i < draws; ++i) {
       BsdfSample s;
@@ -168,7 +169,7 @@ class Proof {
       const Vec3 wi = i % 4 == 0 || !valid || s.delta ? uniform_direction(stream) : s.wi;
       out.add(valid);
       if (valid) {
-        for (const bool flag : {s.delta, s.transmitted, s.straight}) out.add(flag);
+        for (const bool flag : {s.delta, s.transmitted, s.passthrough}) out.add(flag);
         for (const float v : {s.prob, s.prob_reverse, s.pdf_solid_angle, s.eta}) out.add(v);
         out.add(s.weight);
         out.add(s.wi);
@@ -313,7 +314,7 @@ class Proof {
     // Delta lobes and refusals are bins of their own.
     std::vector<double> expected(bins.count());
     for (std::size_t i = 0; i < bins.count(); ++i) expected[i] = integrals[i][0] * samples_;
-    std::array<double, 3> straight{};
+    std::array<double, 3> passthrough{};
     for (const DeltaLobe& lobe : lobes) {
       const BsdfSample& s = lobe.sample;
       kept.push_back(s);
@@ -323,8 +324,8 @@ class Proof {
       const auto weight = channels(s.weight);
       for (std::size_t k = 0; k < 3; ++k) {
         const double passed = weight[k] * static_cast<double>(s.prob);
-        albedo[k] += passed * (s.straight ? 1 : power_scale(wo, s.wi, mode));
-        if (s.straight) straight[k] += passed;
+        albedo[k] += passed * (s.passthrough ? 1 : power_scale(wo, s.wi, mode));
+        if (s.passthrough) passthrough[k] += passed;
       }
     }
     EXPECT_LE(total, 1 + kTolerance + error) << where << ": densities and probabilities add up to too much";
@@ -334,9 +335,10 @@ class Proof {
         << where << ": density and probabilities add up to " << total << ", refused " << refused / samples_;
     ++tests_;
 
-    const auto passes = channels(closure.straight(wo));
+    const auto passes = channels(closure.passthrough(wo));
     for (std::size_t k = 0; k < 3; ++k) {
-      EXPECT_NEAR(passes[k], straight[k], 1e-5) << where << ": straight() is not what its samples carry";
+      EXPECT_NEAR(passes[k], passthrough[k], 1e-5)
+          << where << ": passthrough() is not what its samples carry";
     }
     if (c_.eta != 0 || mode == TransportMode::importance) {
       for (const double a : albedo) {
@@ -401,13 +403,13 @@ class Proof {
     EXPECT_TRUE(sound(s.weight)) << where;
     EXPECT_NEAR(static_cast<double>(length(s.wi)), 1, 2e-5) << where;
     EXPECT_EQ(s.transmitted, (s.wi.z < 0) != (wo.z < 0)) << where << " wi " << shown(s.wi);
-    const double eta = s.straight || c_.eta == 0 ? 1 : relative_index(wo, s.wi);
-    if (c_.eta != 0 || s.straight || !s.transmitted) {
+    const double eta = s.passthrough || c_.eta == 0 ? 1 : relative_index(wo, s.wi);
+    if (c_.eta != 0 || s.passthrough || !s.transmitted) {
       EXPECT_NEAR(static_cast<double>(s.eta), eta, 1e-5 * eta) << where;
     }
-    seen_.transmissive |= s.transmitted && !s.straight;
-    seen_.straight |= s.straight;
-    seen_.delta |= s.delta && !s.straight;
+    seen_.transmissive |= s.transmitted && !s.passthrough;
+    seen_.passthrough |= s.passthrough;
+    seen_.delta |= s.delta && !s.passthrough;
   }
 
   // The weight is value over density, and the density is pdf_solid_angle's.
@@ -416,7 +418,7 @@ class Proof {
     // Once something failed, more of the same tells nothing.
     if (testing::Test::HasFailure() && ++checked_after_failure_ > 10) return;
     check_common(wo, s, where);
-    EXPECT_FALSE(s.straight) << where;
+    EXPECT_FALSE(s.passthrough) << where;
     // Close to the horizon, and far out in a lobe, the float direction has too few digits.
     if (std::abs(s.wi.z) < 1e-3f || s.pdf_solid_angle < 1e-6f) return;
     float pdf = 0;
@@ -448,7 +450,7 @@ class Proof {
     for (DeltaLobe& lobe : lobes) {
       const BsdfSample& known = lobe.sample;
       // Parts of a blend may have lobes in one direction.
-      if (known.straight != s.straight || s.prob != known.prob || s.weight != known.weight ||
+      if (known.passthrough != s.passthrough || s.prob != known.prob || s.weight != known.weight ||
           length(known.wi - s.wi) > 1e-5f)
         continue;
       ++lobe.count;
@@ -466,7 +468,7 @@ class Proof {
   void delta_returns(Vec3 wo, const BsdfSample& out, const std::vector<BsdfSample>& returned,
                      const std::string& where) {
     for (const BsdfSample& back : returned) {
-      if (!back.delta || back.straight != out.straight || length(back.wi - wo) > 2e-5f) continue;
+      if (!back.delta || back.passthrough != out.passthrough || length(back.wi - wo) > 2e-5f) continue;
       if (std::abs(out.prob_reverse - back.prob) > 1e-4f) continue;  // another lobe of a blend
       EXPECT_NEAR(static_cast<double>(back.prob_reverse), static_cast<double>(out.prob), 1e-4) << where;
       if (!c_.not_reciprocal.empty()) return;
@@ -556,7 +558,7 @@ class Proof {
       float pdf = 0;
       ASSERT_TRUE(sound(closure.eval_pdf(wo, wi, mode, pdf)) && std::isfinite(pdf) && pdf >= 0)
           << c_.name << " wo " << shown(wo) << " wi " << shown(wi);
-      ASSERT_TRUE(sound(closure.straight(wo))) << c_.name << " wo " << shown(wo);
+      ASSERT_TRUE(sound(closure.passthrough(wo))) << c_.name << " wo " << shown(wo);
       BsdfSample s;
       const float u_lobe = number();
       const float ux = number();

@@ -167,7 +167,7 @@ inline double lead_scattering(const scene::Scene& scene, const transport::Scatte
     const float lobe = (static_cast<float>(i) + 0.5f) / static_cast<float>(lobes);
     const auto off = [&](Vec2 u, Vec3d& r) {
       scene::BsdfSample next;
-      if (!v.closure.sample(wo, lobe, u, mode, next) || next.delta != delta || next.straight) return false;
+      if (!v.closure.sample(wo, lobe, u, mode, next) || next.delta != delta || next.passthrough) return false;
       r = Vec3d(v.hit.shading.to_world(next.wi)) - to;
       return true;
     };

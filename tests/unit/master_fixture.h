@@ -28,18 +28,18 @@ template <class Change>
 std::string make_changed_delta(const Unit& unit, const std::string& job, int scale, const std::string& build,
                                Change&& change) {
   film::UnitFilm film({kWidth, kHeight, 1}, scale);
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   for (std::uint64_t i = unit.begin; i < unit.end; ++i)
     for (std::uint32_t y = 0; y < kHeight; ++y)
       for (std::uint32_t x = 0; x < kWidth; ++x) {
         const std::uint64_t key = rng::key(unit.half, i, y, x);
         const float v = 1 + rng::to_float(static_cast<std::uint32_t>(key));
-        tallies.eye_samples += 1;
+        sample_counts.eye_samples += 1;
         std::array<float, 3> color = {v, v * 0.5F, v * 0.25F};
         change(i, x, y, color);
-        film.add(0, x, y, {color[0], color[1], color[2]}, key, tallies);
+        film.add(0, x, y, {color[0], color[1], color[2]}, key, sample_counts);
       }
-  film.count(tallies);
+  film.count(sample_counts);
   return film::encode_delta(film, {unit, film.layout(), scale, job, build});
 }
 
@@ -191,7 +191,7 @@ inline film::MergedFilm expected_film(std::uint64_t iterations) {
 inline void expect_same(const film::MergedFilm& a, const film::MergedFilm& b) {
   for (std::uint32_t h = 0; h < 2; ++h) {
     EXPECT_EQ(a.merged(h), b.merged(h));
-    EXPECT_EQ(a.tallies(h), b.tallies(h));
+    EXPECT_EQ(a.sample_counts(h), b.sample_counts(h));
     for (std::uint32_t y = 0; y < kHeight; ++y)
       for (std::uint32_t x = 0; x < kWidth; ++x)
         for (int c = 0; c < 3; ++c) ASSERT_TRUE(a.sum(h, 0, x, y, c) == b.sum(h, 0, x, y, c));

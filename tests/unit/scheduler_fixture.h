@@ -56,12 +56,12 @@ class SchedulerFixture : public ::testing::Test {
     return leased;
   }
   Unit unit_of(const Lease& l) { return s->job(l.row.job_id)->units.at(l.row.unit_id).row.unit; }
-  Delivery deliver(const Lease& l, const Unit& u, const film::Tallies& tallies, double seconds,
+  Delivery deliver(const Lease& l, const Unit& u, const film::SampleCounts& sample_counts, double seconds,
                    std::size_t record_bytes = 0) {
     const Delivery d = s->check_delivery(l.row.worker_id, l.row.token, l.row.unit_id, l.row.job_id, u, now());
     if (d == Delivery::ok)
-      s->merged(l.row.worker_id, l.row.token, l.row.unit_id, l.row.job_id, u, tallies, seconds, 0.001, now(),
-                record_bytes);
+      s->merged(l.row.worker_id, l.row.token, l.row.unit_id, l.row.job_id, u, sample_counts, seconds, 0.001,
+                now(), record_bytes);
     expect_invariants();
     return d;
   }

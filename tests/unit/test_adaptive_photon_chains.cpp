@@ -21,8 +21,8 @@ film::MergedAccumulator sums_of(const Counts& counts, std::uint64_t iterations, 
                                 std::uint32_t height) {
   const film::AccumulatorSpec spec = photon_chains::spec(width, height);
   film::UnitAccumulator unit(width, height, spec);
-  film::Tallies tallies;
-  for (std::uint64_t i = 0; i < iterations; ++i) photon_chains::add(counts, i, unit, width, tallies);
+  film::SampleCounts sample_counts;
+  for (std::uint64_t i = 0; i < iterations; ++i) photon_chains::add(counts, i, unit, width, sample_counts);
   film::MergedAccumulator merged(width, height, spec);
   std::vector<film::Int128> pixel(spec.channels);
   for (std::uint32_t y = 0; y < height; ++y)

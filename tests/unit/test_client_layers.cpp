@@ -37,7 +37,7 @@ const std::string kScene = "<scene version='3.0.0'/>";
 // Adds iterations of one half: noise in the image, noise of its own in each layer. The second layer has light
 // in a corner only: most of its tiles are never touched.
 void render(std::uint32_t half, std::uint64_t begin, std::uint64_t end, film::UnitFilm& film) {
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   for (std::uint64_t i = begin; i < end; ++i) {
     for (std::uint32_t y = 0; y < kHeight; ++y) {
       for (std::uint32_t x = 0; x < kWidth; ++x) {
@@ -47,18 +47,18 @@ void render(std::uint32_t half, std::uint64_t begin, std::uint64_t end, film::Un
           const float v =
               0.5F + rng::to_float(static_cast<std::uint32_t>(key)) * static_cast<float>(1 + layer);
           if (layer == 0)
-            film.add(layer, x, y, {v, 0.5F * v, 0.25F}, key, tallies);
+            film.add(layer, x, y, {v, 0.5F * v, 0.25F}, key, sample_counts);
           else
-            film.splat(layer, x, y, {0.25F, v, 0.5F * v}, key, tallies);
+            film.splat(layer, x, y, {0.25F, v, 0.5F * v}, key, sample_counts);
         }
-        ++tallies.eye_samples;
-        tallies.light_paths += 2;
-        tallies.rays += 3;
+        ++sample_counts.eye_samples;
+        sample_counts.light_paths += 2;
+        sample_counts.rays += 3;
       }
     }
-    ++tallies.bounded_walks;
+    ++sample_counts.bounded_walks;
   }
-  film.count(tallies);
+  film.count(sample_counts);
 }
 
 // How many units may be rendered: the test says how far a job comes before a master goes.

@@ -308,8 +308,8 @@ TEST(EditRenderers, SurviveRandomEdits) {
       continue;
     }
     const auto film = test::render_film(*renderer, 1);
-    const film::Tallies tallies = film->tallies();
-    for (const std::uint64_t count : tallies.rejected) EXPECT_EQ(count, 0u) << integrator << text;
+    const film::SampleCounts sample_counts = film->sample_counts();
+    for (const std::uint64_t count : sample_counts.rejected) EXPECT_EQ(count, 0u) << integrator << text;
     ++rendered;
     by_path += renderer->plan_text()->find("by the path") != std::string::npos ? 1 : 0;
   }

@@ -23,13 +23,14 @@ const Layout kFilm{kWidth, kHeight, 1};
 
 // Samples of one unit, at a few places.
 void fill(UnitAccumulator& sums, std::uint64_t seed, int count, bool splat = false) {
-  Tallies tallies;
+  SampleCounts sample_counts;
   for (int i = 0; i < count; ++i) {
     const std::uint64_t key = rng::key(seed, static_cast<std::uint64_t>(i));
     const auto x = static_cast<std::uint32_t>(key % kWidth),
                y = static_cast<std::uint32_t>(key / 97 % kHeight);
     const std::array<double, 3> values{1, -0.3, std::ldexp(static_cast<double>(key % 1000), -5)};
-    EXPECT_TRUE(splat ? sums.splat(x, y, 0, values, key, tallies) : sums.add(x, y, 0, values, key, tallies));
+    EXPECT_TRUE(splat ? sums.splat(x, y, 0, values, key, sample_counts)
+                      : sums.add(x, y, 0, values, key, sample_counts));
   }
 }
 
@@ -66,10 +67,10 @@ TEST(Accumulator, SumsAreOfTheSamples) {
   constexpr int kSamples = 100000;
   const AccumulatorSpec wide{"wide", kMaxAccumulatorChannels, 0, Per::job};
   UnitAccumulator coarse(1, 1, wide);
-  Tallies tallies;
+  SampleCounts sample_counts;
   std::array<double, kMaxAccumulatorChannels> x{};
   for (std::size_t c = 0; c < x.size(); ++c) x[c] = (static_cast<double>(c) + 0.5) / 64 - 0.25;
-  for (std::uint64_t i = 0; i < kSamples; ++i) coarse.add(0, 0, 0, x, rng::key(3, i), tallies);
+  for (std::uint64_t i = 0; i < kSamples; ++i) coarse.add(0, 0, 0, x, rng::key(3, i), sample_counts);
   for (std::size_t c = 0; c < x.size(); ++c) {
     const double mean = static_cast<double>(coarse.sums()[c]) / kSamples;
     EXPECT_NEAR(mean, x[c], 5 * 0.5 / std::sqrt(static_cast<double>(kSamples))) << "channel " << c;
@@ -82,7 +83,7 @@ TEST(Accumulator, SumsAreOfTheSamples) {
 TEST(Accumulator, FourAtATimeAreOneAfterAnother) {
   const AccumulatorSpec wide{"wide", 64, 10, Per::job};
   UnitAccumulator one(1, 1, wide), four(1, 1, wide);
-  Tallies tallies;
+  SampleCounts sample_counts;
   std::vector<double> values;
   for (std::uint64_t i = 0; i < 20000; ++i) {
     rng::Stream random(rng::key(11, i));
@@ -95,8 +96,8 @@ TEST(Accumulator, FourAtATimeAreOneAfterAnother) {
     }
     const std::uint32_t first = random.next_u32() % (64 - static_cast<std::uint32_t>(values.size()));
     const std::uint64_t key = random.next_u64();
-    ASSERT_TRUE(one.splat(0, 0, first, values, key, tallies));
-    ASSERT_TRUE(four.add(0, 0, first, values, key, tallies));
+    ASSERT_TRUE(one.splat(0, 0, first, values, key, sample_counts));
+    ASSERT_TRUE(four.add(0, 0, first, values, key, sample_counts));
     ASSERT_TRUE(std::equal(one.sums(), one.sums() + 64, four.sums())) << "sample " << i;
   }
 }
@@ -106,7 +107,7 @@ template <std::size_t kCount>
 void add_known_count() {
   const AccumulatorSpec spec{"sums", kCount + 5, 30, Per::job};
   UnitAccumulator array(kWidth, kHeight, spec), plain(kWidth, kHeight, spec);
-  Tallies of_array, of_plain;
+  SampleCounts of_array, of_plain;
   for (std::uint64_t i = 0; i < 400; ++i) {
     const std::uint64_t key = rng::key(11, i);
     const auto x = static_cast<std::uint32_t>(key % kWidth),
@@ -137,17 +138,17 @@ TEST(Accumulator, KnownCountsAreThoseOfSpans) {
 // that leaves 64 bits is noticed.
 TEST(Accumulator, BadSamplesAreCountedAndOverflowNoticed) {
   UnitAccumulator sums(4, 4, kSpec);
-  Tallies tallies;
+  SampleCounts sample_counts;
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = HUGE_VAL, huge = 0x1p45;
-  EXPECT_FALSE(sums.add(1, 1, 0, std::array<double, 3>{1, nan, inf}, 1, tallies));
-  EXPECT_FALSE(sums.splat(1, 1, 1, std::array<double, 2>{-inf, 1}, 2, tallies));
-  EXPECT_FALSE(sums.add(1, 1, 0, std::array<double, 3>{1, 1, -huge}, 3, tallies));
-  EXPECT_EQ(tallies.rejected, (std::array<std::uint64_t, kRejectCauses>{1, 1, 0, 1}));
+  EXPECT_FALSE(sums.add(1, 1, 0, std::array<double, 3>{1, nan, inf}, 1, sample_counts));
+  EXPECT_FALSE(sums.splat(1, 1, 1, std::array<double, 2>{-inf, 1}, 2, sample_counts));
+  EXPECT_FALSE(sums.add(1, 1, 0, std::array<double, 3>{1, 1, -huge}, 3, sample_counts));
+  EXPECT_EQ(sample_counts.rejected, (std::array<std::uint64_t, kRejectCauses>{1, 1, 0, 1}));
   EXPECT_TRUE(std::all_of(sums.sums(), sums.sums() + 48, [](std::int64_t v) { return v == 0; }));
-  EXPECT_TRUE(sums.add(1, 1, 2, std::array<double, 1>{-5}, 4, tallies)) << "signs are free";
+  EXPECT_TRUE(sums.add(1, 1, 2, std::array<double, 1>{-5}, 4, sample_counts)) << "signs are free";
   EXPECT_EQ(sums.sums()[(4 + 1) * 3 + 2], -5 * 4096);
   EXPECT_FALSE(sums.overflowed());
-  for (int i = 0; i < 300; ++i) sums.splat(0, 0, 0, std::array<double, 1>{0x1p44}, 5, tallies);
+  for (int i = 0; i < 300; ++i) sums.splat(0, 0, 0, std::array<double, 1>{0x1p44}, 5, sample_counts);
   EXPECT_TRUE(sums.overflowed());
   sums.clear();
   EXPECT_FALSE(sums.overflowed());
@@ -204,9 +205,9 @@ TEST(Accumulator, MergingIsExactInAnyOrder) {
 TEST(Accumulator, MergedSumsWiden) {
   const AccumulatorSpec spec{"sums", 1, 0, Per::epoch};
   UnitAccumulator unit(2, 1, spec);
-  Tallies tallies;
-  for (int i = 0; i < 127; ++i) unit.add(0, 0, 0, std::array<double, 1>{-0x1p56}, 1, tallies);
-  unit.add(1, 0, 0, std::array<double, 1>{3}, 1, tallies);
+  SampleCounts sample_counts;
+  for (int i = 0; i < 127; ++i) unit.add(0, 0, 0, std::array<double, 1>{-0x1p56}, 1, sample_counts);
+  unit.add(1, 0, 0, std::array<double, 1>{3}, 1, sample_counts);
   ASSERT_FALSE(unit.overflowed());
   const UnitFilm film({2, 1, 1}, 0);
   DeltaWriter writer(info_of(0));
@@ -267,7 +268,7 @@ TEST(Accumulator, SectionsAreThoseOfThePlan) {
 TEST(Accumulator, TablesTravelWithoutAFilm) {
   const DeltaInfo info{{Unit::Kind::bootstrap, 0, 10, 13}, {}, 0, "job", "build"};
   const std::vector<float> values{0, 2.5F, 1e-30F};
-  Tallies counts;
+  SampleCounts counts;
   counts.rejected[1] = 2;
   DeltaWriter writer(info);
   writer.table(values);
@@ -276,7 +277,7 @@ TEST(Accumulator, TablesTravelWithoutAFilm) {
   const auto delta = Delta::decode(good, kShape);
   ASSERT_TRUE(delta.ok()) << delta.error().to_string();
   EXPECT_EQ(delta->table(), values);
-  EXPECT_EQ(delta->tallies(), counts);
+  EXPECT_EQ(delta->sample_counts(), counts);
   EXPECT_TRUE(delta->accumulators().empty());
   MergedFilm film(kFilm, 0);
   EXPECT_FALSE(film.merge(*delta).ok());

@@ -305,10 +305,10 @@ film::MergedFilm two_layer_film(const std::array<float, 2>& first, const std::ar
   film::MergedFilm merged(layout, 20);
   for (std::uint32_t half = 0; half < 2; ++half) {
     film::UnitFilm film(layout, 20);
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     const auto value = [](float v) { return std::array<float, 3>{v, v, v}; };
-    film.splat(0, 0, 0, value(2 * first[half]), 1, tallies);  // two segments
-    film.splat(1, 0, 0, value(2 * second[half]), 2, tallies);
+    film.splat(0, 0, 0, value(2 * first[half]), 1, sample_counts);  // two segments
+    film.splat(1, 0, 0, value(2 * second[half]), 2, sample_counts);
     film::DeltaInfo info;
     info.unit = {Unit::Kind::segments, half, 0, 2};
     const auto delta = film::Delta::decode(film::encode_delta(film, info), layout);

@@ -22,15 +22,15 @@ DeltaInfo info_of(std::uint32_t half, std::uint64_t begin, std::uint64_t end) {
 void fill(UnitFilm& film, std::uint64_t seed, int samples, float scale) {
   rng::Stream stream(seed);
   const Layout& l = film.layout();
-  Tallies tallies;
+  SampleCounts sample_counts;
   for (int i = 0; i < samples; ++i) {
     const std::array<float, 3> rgb{scale * stream.next_float(), -scale * stream.next_float(),
                                    stream.next_float()};
     film.add(stream.next_u32() % l.layers, stream.next_u32() % l.width, stream.next_u32() % l.height, rgb,
-             rng::key(seed, i), tallies, true);
+             rng::key(seed, i), sample_counts, true);
   }
-  tallies.eye_samples = static_cast<std::uint64_t>(samples);
-  film.count(tallies);
+  sample_counts.eye_samples = static_cast<std::uint64_t>(samples);
+  film.count(sample_counts);
 }
 
 bool same_sums(const UnitFilm& film, const MergedFilm& merged, std::uint32_t half) {
@@ -65,7 +65,7 @@ TEST(Delta, CarriesTheFilm) {
       EXPECT_EQ(delta->info().job_id, "job-7");
       EXPECT_EQ(delta->info().build_id, "build-1");
       EXPECT_EQ(delta->info().scale_log2, 20);
-      EXPECT_EQ(delta->tallies(), film.tallies());
+      EXPECT_EQ(delta->sample_counts(), film.sample_counts());
       MergedFilm merged(layout, 20);
       ASSERT_TRUE(merged.merge(*delta).ok());
       EXPECT_TRUE(same_sums(film, merged, 1));
@@ -80,11 +80,11 @@ TEST(Delta, ContentIsWhatIsSummed) {
   const auto hash = [&](std::uint64_t end, int scale, int change, const char* sender) {
     UnitFilm film(layout, scale);
     fill(film, 5, 3000, 1);
-    Tallies tallies;
-    if (change == 1) tallies.light_paths = 1;
-    if (change == 3) tallies.rays = tallies.bounded_walks = 1;
-    if (change == 2) film.add(1, 199, 169, {0, 0, 0x1p-20F}, 3, tallies, true);
-    film.count(tallies);
+    SampleCounts sample_counts;
+    if (change == 1) sample_counts.light_paths = 1;
+    if (change == 3) sample_counts.rays = sample_counts.bounded_walks = 1;
+    if (change == 2) film.add(1, 199, 169, {0, 0, 0x1p-20F}, 3, sample_counts, true);
+    film.count(sample_counts);
     DeltaInfo info = info_of(1, 4, end);
     info.job_id = sender;
     info.build_id = sender;
@@ -118,8 +118,8 @@ TEST(Delta, UntouchedFilmIsTiny) {
   UnitFilm film({1920, 1080, 1}, 20);
   const std::string empty = encode_delta(film, info_of(0, 0, 1));
   EXPECT_LT(empty.size(), 200U);
-  Tallies tallies;
-  film.add(0, 100, 100, {0, 0, 0}, 1, tallies);
+  SampleCounts sample_counts;
+  film.add(0, 100, 100, {0, 0, 0}, 1, sample_counts);
   EXPECT_EQ(encode_delta(film, info_of(0, 0, 1)), empty);
 }
 

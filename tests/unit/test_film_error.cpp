@@ -27,14 +27,14 @@ film::MergedFilm render(std::uint64_t seed, std::uint64_t n0, std::uint64_t n1) 
     const std::uint64_t count = half == 0 ? n0 : n1;
     if (count == 0) continue;
     film::UnitFilm unit(kSmall, 24);
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     for (std::uint64_t i = 0; i < count; ++i) {
       rng::Stream stream(rng::key(seed, half, i));
       for (std::uint32_t y = 0; y < kSmall.height; ++y) {
         for (std::uint32_t x = 0; x < kSmall.width; ++x) {
           std::array<float, 3> rgb{};
           for (std::uint32_t c = 0; c < 3; ++c) rgb[c] = -mean_of(x, c) * std::log(1 - stream.next_float());
-          EXPECT_TRUE(unit.add(0, x, y, rgb, rng::key(seed, half, i, y, x), tallies));
+          EXPECT_TRUE(unit.add(0, x, y, rgb, rng::key(seed, half, i, y, x), sample_counts));
         }
       }
     }
@@ -54,20 +54,20 @@ TEST(EstimateError, LooksAtTheImageAlone) {
   film::MergedFilm plain(kSmall, 24), layered(kLayered, 24);
   for (std::uint32_t half = 0; half < 2; ++half) {
     film::UnitFilm a(kSmall, 24), b(kLayered, 24);
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     rng::Stream stream(rng::key(8, half));
     for (std::uint32_t y = 0; y < kSmall.height; ++y) {
       for (std::uint32_t x = 0; x < kSmall.width; ++x) {
         const float v = stream.next_float();
-        a.add(0, x, y, {v, 1, 0}, x, tallies);
-        b.add(0, x, y, {v, 1, 0}, x, tallies);
+        a.add(0, x, y, {v, 1, 0}, x, sample_counts);
+        b.add(0, x, y, {v, 1, 0}, x, sample_counts);
         for (std::uint32_t layer = 1; layer < 3; ++layer)
-          b.splat(layer, x, y, {1000 * stream.next_float(), v, 5}, x, tallies);
+          b.splat(layer, x, y, {1000 * stream.next_float(), v, 5}, x, sample_counts);
       }
     }
-    tallies.eye_samples = 5;
-    a.count(tallies);
-    b.count(tallies);
+    sample_counts.eye_samples = 5;
+    a.count(sample_counts);
+    b.count(sample_counts);
     const Unit unit{Unit::Kind::iterations, half, 0, 2 + half};
     const auto of_a = film::Delta::decode(film::encode_delta(a, {unit, kSmall, 24, "", ""}), kSmall);
     const auto of_b = film::Delta::decode(film::encode_delta(b, {unit, kLayered, 24, "", ""}), kLayered);
@@ -125,7 +125,7 @@ film::MergedFilm render_chains(std::uint64_t seed, std::uint64_t n0, std::uint64
   film::MergedFilm film(kChains, 24);
   for (std::uint32_t half = 0; half < 2; ++half) {
     film::UnitFilm unit(kChains, 24);
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     const std::uint64_t count = half == 0 ? n0 : n1;
     for (std::uint64_t i = 0; i < count; ++i) {
       rng::Stream stream(rng::key(seed, half, repeat ? 0 : i));
@@ -133,7 +133,7 @@ film::MergedFilm render_chains(std::uint64_t seed, std::uint64_t n0, std::uint64
         for (std::uint32_t x = 0; x < kChains.width; ++x) {
           std::array<float, 3> rgb{};
           for (float& value : rgb) value = -std::log(1 - stream.next_float());
-          EXPECT_TRUE(unit.splat(0, x, y, rgb, rng::key(seed, half, i, y, x), tallies));
+          EXPECT_TRUE(unit.splat(0, x, y, rgb, rng::key(seed, half, i, y, x), sample_counts));
         }
     }
     const auto delta = film::Delta::decode(

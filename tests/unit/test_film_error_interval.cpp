@@ -352,7 +352,7 @@ constexpr double kFalls = 0.75;
 // layer.
 film::Delta delta_of(std::uint32_t half, std::uint64_t begin, std::uint64_t end) {
   film::UnitFilm film(kWide, kScaleLog2);
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   for (std::uint64_t i = begin; i < end; ++i)
     for (std::uint32_t layer = 0; layer < 2; ++layer)
       for (std::uint32_t y = 0; y < kWide.height; ++y)
@@ -360,9 +360,9 @@ film::Delta delta_of(std::uint32_t half, std::uint64_t begin, std::uint64_t end)
           const auto value =
               static_cast<float>(1 + layer + std::pow(2 * static_cast<double>(i) + 1.5, kFalls - 1));
           film.splat(layer, x, y, {value, 2 * value, value * static_cast<float>(1 + x / 2)},
-                     rng::key(i, half, x), tallies);
+                     rng::key(i, half, x), sample_counts);
         }
-  film.count(tallies);
+  film.count(sample_counts);
   auto delta = film::Delta::decode(
       film::encode_delta(film, {{Unit::Kind::iterations, half, begin, end}, kWide, kScaleLog2, "j", "b"}),
       kWide);

@@ -24,13 +24,14 @@ const DeltaShape kShape{kFilm, {kMattes}};
 
 // Samples of one unit at a few places. Some keys of some pixels have sums of both signs.
 void fill(UnitAccumulator& sums, std::uint64_t seed, int count) {
-  Tallies tallies;
+  SampleCounts sample_counts;
   for (int i = 0; i < count; ++i) {
     const std::uint64_t key = rng::key(seed, static_cast<std::uint64_t>(i));
     const auto x = static_cast<std::uint32_t>(key % kWidth),
                y = static_cast<std::uint32_t>(key / 97 % kHeight);
     const double value = key % 4 == 0 ? -0.3 : 1.1;
-    EXPECT_TRUE(sums.add_key(x, y, static_cast<std::uint32_t>(key / 7919 % kKeys), value, key, tallies));
+    EXPECT_TRUE(
+        sums.add_key(x, y, static_cast<std::uint32_t>(key / 7919 % kKeys), value, key, sample_counts));
   }
 }
 std::string encode(const UnitAccumulator& sums, std::uint64_t begin = 0) {
@@ -123,17 +124,17 @@ TEST(Keys, TakingBackLeavesNothing) {
   sums.take_back(b.accumulators()[0], none);
   EXPECT_TRUE(sums.serialise() == before);
 
-  Tallies tallies;
+  SampleCounts sample_counts;
   UnitAccumulator zero(kWidth, kHeight, kMattes);
-  zero.add_key(3, 4, 2, 1, 5, tallies);
-  zero.add_key(3, 4, 2, -1, 5, tallies);
+  zero.add_key(3, 4, 2, 1, 5, sample_counts);
+  zero.add_key(3, 4, 2, -1, 5, sample_counts);
   EXPECT_TRUE(encode(zero) == encode(UnitAccumulator(kWidth, kHeight, kMattes)));
   fill(zero, 1, 50);
   zero.clear();
   EXPECT_TRUE(encode(zero) == encode(UnitAccumulator(kWidth, kHeight, kMattes)));
-  EXPECT_FALSE(zero.add_key(0, 0, 0, std::nan(""), 1, tallies));
-  EXPECT_FALSE(zero.add_key(0, 0, 0, 0x1p50, 1, tallies));
-  EXPECT_EQ(tallies.rejected[static_cast<std::size_t>(RejectCause::saturated)], 1U);
+  EXPECT_FALSE(zero.add_key(0, 0, 0, std::nan(""), 1, sample_counts));
+  EXPECT_FALSE(zero.add_key(0, 0, 0, 0x1p50, 1, sample_counts));
+  EXPECT_EQ(sample_counts.rejected[static_cast<std::size_t>(RejectCause::saturated)], 1U);
 }
 
 // Claim: merged sums widen to 128 bits where 64 are too few, and stay exact there.
@@ -141,9 +142,9 @@ TEST(Keys, MergedSumsWiden) {
   Spec spec = kMattes;
   spec.scale_log2 = 0;
   UnitAccumulator unit(kWidth, kHeight, spec);
-  Tallies tallies;
-  for (int i = 0; i < 127; ++i) unit.add_key(0, 0, 1, -0x1p56, 1, tallies);
-  unit.add_key(1, 0, 3, 3, 1, tallies);
+  SampleCounts sample_counts;
+  for (int i = 0; i < 127; ++i) unit.add_key(0, 0, 1, -0x1p56, 1, sample_counts);
+  unit.add_key(1, 0, 3, 3, 1, sample_counts);
   ASSERT_FALSE(unit.overflowed());
   MergedAccumulator sums(kWidth, kHeight, spec);
   const auto delta = Delta::decode(encode(unit), {kFilm, {spec}});
@@ -154,8 +155,8 @@ TEST(Keys, MergedSumsWiden) {
   const auto back = MergedAccumulator::parse(sums.serialise(), kWidth, kHeight, spec);
   ASSERT_TRUE(back.ok());
   EXPECT_TRUE(pairs_of(back->keys()) == expected);
-  unit.add_key(0, 0, 1, -0x1p56, 1, tallies);
-  unit.add_key(0, 0, 1, -0x1p56, 1, tallies);
+  unit.add_key(0, 0, 1, -0x1p56, 1, sample_counts);
+  unit.add_key(0, 0, 1, -0x1p56, 1, sample_counts);
   EXPECT_TRUE(unit.overflowed());
 }
 
@@ -193,10 +194,10 @@ TEST(Tables, AreOfEntries) {
   const Spec table{"table", 2, 0, Spec::Per::epoch, Spec::Domain::table, 3000};
   for (const Layout& film : {Layout{1, 1, 1}, Layout{70, 45, 1}}) {
     UnitAccumulator unit(film.width, film.height, table);
-    Tallies tallies;
+    SampleCounts sample_counts;
     for (std::uint32_t e = 0; e < table.entries; ++e) {
       const auto at = place_of_entry(e);
-      unit.splat(at.x, at.y, 0, std::array<double, 2>{1, e % 3 == 0 ? 1.0 : 0.0}, e, tallies);
+      unit.splat(at.x, at.y, 0, std::array<double, 2>{1, e % 3 == 0 ? 1.0 : 0.0}, e, sample_counts);
     }
     DeltaWriter writer({{Unit::Kind::iterations, 0, 0, 1}, {}, 0, "job", "build"});
     writer.film(UnitFilm(film, 4));

@@ -16,17 +16,17 @@ namespace {
 // A delta with a sum in every pixel; `huge`: so large that three of them need 128 bits.
 Delta delta_of(const Layout& layout, std::uint32_t half, std::uint64_t begin, bool huge) {
   UnitFilm film(layout, huge ? 40 : 20);
-  Tallies tallies;
+  SampleCounts sample_counts;
   for (std::uint32_t layer = 0; layer < layout.layers; ++layer)
     for (std::uint32_t y = 0; y < layout.height; ++y)
       for (std::uint32_t x = 0; x < layout.width; ++x) {
         const std::uint64_t key = rng::key(half, begin, layer, y, x);
         const float v =
             (huge ? 0x1p15F : 1.0F) * (1.0F + 0.5F * rng::to_float(static_cast<std::uint32_t>(key)));
-        for (int n = huge ? 100 : 1; n-- > 0;) film.add(layer, x, y, {v, v, v}, key, tallies);
+        for (int n = huge ? 100 : 1; n-- > 0;) film.add(layer, x, y, {v, v, v}, key, sample_counts);
       }
-  tallies.eye_samples = layout.pixel_count();
-  film.count(tallies);
+  sample_counts.eye_samples = layout.pixel_count();
+  film.count(sample_counts);
   DeltaInfo info;
   info.unit = {Unit::Kind::iterations, half, begin, begin + 1};
   info.layout = layout;

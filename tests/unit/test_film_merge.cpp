@@ -18,14 +18,15 @@ constexpr int kScale = 8;
 void render_iteration(UnitFilm& film, std::uint32_t half, std::uint64_t index, float brightness) {
   const std::uint64_t key = rng::key(77, half, index);
   rng::Stream stream(key);
-  Tallies tallies;
+  SampleCounts sample_counts;
   for (std::uint64_t i = 0; i < 150; ++i) {
     const float weight = i == 13 ? std::nanf("") : brightness * stream.next_float();
     film.splat(stream.next_u32() % 2, stream.next_u32() % 50, stream.next_u32() % 41,
-               {weight, stream.next_float(), -stream.next_float()}, rng::combine(key, i), tallies, true);
-    ++tallies.eye_samples;
+               {weight, stream.next_float(), -stream.next_float()}, rng::combine(key, i), sample_counts,
+               true);
+    ++sample_counts.eye_samples;
   }
-  film.count(tallies);
+  film.count(sample_counts);
 }
 
 std::string unit_bytes(std::uint32_t half, std::uint64_t begin, std::uint64_t end, float brightness) {
@@ -76,8 +77,8 @@ TEST(MergedFilm, IsTheSameInAnyOrderAndGrouping) {
       for (const MergedFilm& relay : relays) ASSERT_TRUE(film.merge(relay).ok());
       for (std::uint32_t half = 0; half < 2; ++half) {
         EXPECT_EQ(film.merged(half).ranges(), (std::map<std::uint64_t, std::uint64_t>{{0, 24}}));
-        EXPECT_EQ(film.tallies(half).eye_samples, 24U * 150U);
-        EXPECT_EQ(film.tallies(half).rejected[0], 24U);
+        EXPECT_EQ(film.sample_counts(half).eye_samples, 24U * 150U);
+        EXPECT_EQ(film.sample_counts(half).rejected[0], 24U);
       }
       EXPECT_EQ(film.iterations(), 48U);
       if (trial == 0) {
@@ -95,16 +96,16 @@ TEST(MergedFilm, IsTheSameInAnyOrderAndGrouping) {
 }
 
 UnitFilm& add_units(UnitFilm& film, std::int64_t sign, int times) {
-  Tallies tallies;
+  SampleCounts sample_counts;
   for (int i = 0; i < times; ++i) {
-    film.add(0, 3, 4, {static_cast<float>(sign) * 0x1p48F, 0, 0}, static_cast<std::uint64_t>(i), tallies,
-             true);
+    film.add(0, 3, 4, {static_cast<float>(sign) * 0x1p48F, 0, 0}, static_cast<std::uint64_t>(i),
+             sample_counts, true);
   }
   return film;
 }
 
-// Claim: films of the first and the second form, whose tallies had seven and ten counts, are read as they
-// were; the counts that they lack are 0.
+// Claim: films of the first and the second form, whose sample counts had seven and ten counts, are read as
+// they were; the counts that they lack are 0.
 TEST(MergedFilm, ReadsEarlierForms) {
   MergedFilm film(kLayout, kScale);
   for (std::uint32_t half = 0; half < 2; ++half)
@@ -116,10 +117,10 @@ TEST(MergedFilm, ReadsEarlierForms) {
     old.resize(old.size() - sizeof(std::uint64_t));
     old.replace(0, 8, magic);
     for (std::uint32_t half = 0; half < 2; ++half) {
-      std::string tallies;
-      put_tallies(tallies, film.tallies(half));
-      ASSERT_EQ(tallies.size(), 88U);
-      const std::size_t at = old.find(tallies);
+      std::string sample_counts;
+      put_sample_counts(sample_counts, film.sample_counts(half));
+      ASSERT_EQ(sample_counts.size(), 88U);
+      const std::size_t at = old.find(sample_counts);
       ASSERT_NE(at, std::string::npos);
       old.erase(at + bytes, 88 - bytes);
     }
@@ -202,8 +203,8 @@ TEST(MergedFilm, DevelopsMeans) {
   EXPECT_EQ(film.develop(0), std::vector<float>(18, 0.0F));
   const auto merge = [&](std::uint32_t half, std::uint64_t begin, std::uint64_t end, float value) {
     UnitFilm unit({3, 2, 1}, 4);
-    Tallies tallies;
-    unit.add(0, 2, 1, {value, 0, 0}, 1, tallies);
+    SampleCounts sample_counts;
+    unit.add(0, 2, 1, {value, 0, 0}, 1, sample_counts);
     DeltaInfo info;
     info.unit = {Unit::Kind::iterations, half, begin, end};
     const auto delta = Delta::decode(encode_delta(unit, info), Layout{3, 2, 1});
@@ -223,9 +224,9 @@ TEST(MergedFilm, DevelopsMeans) {
 TEST(MergedFilm, DamagedCheckpointsAreRefused) {
   MergedFilm film({34, 3, 1}, kScale);
   UnitFilm unit({34, 3, 1}, kScale);
-  Tallies tallies;
+  SampleCounts sample_counts;
   for (std::uint32_t i = 0; i < 12; ++i)
-    unit.add(0, 3 * i % 34, i % 3, {1, 1.0F * static_cast<float>(i), 0}, i, tallies);
+    unit.add(0, 3 * i % 34, i % 3, {1, 1.0F * static_cast<float>(i), 0}, i, sample_counts);
   DeltaInfo info;
   info.unit = {Unit::Kind::iterations, 0, 2, 5};
   ASSERT_TRUE(film.merge(Delta::decode(encode_delta(unit, info), Layout{34, 3, 1}).value()).ok());

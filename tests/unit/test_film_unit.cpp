@@ -27,9 +27,9 @@ TEST(UnitFilm, RoundingIsUnbiased) {
   for (const double units : {1e-3, 1e-2, 0.25, 0.5, 0.999, 1234.567}) {
     UnitFilm film({1, 1, 1}, 20);
     const auto value = static_cast<float>(units * 0x1p-20);
-    Tallies tallies;
+    SampleCounts sample_counts;
     for (int i = 0; i < kSamples; ++i) {
-      ASSERT_TRUE(film.add(0, 0, 0, {value, value, value}, rng::key(7, i), tallies));
+      ASSERT_TRUE(film.add(0, 0, 0, {value, value, value}, rng::key(7, i), sample_counts));
     }
     const double exact = double{value} * 0x1p20;
     const double fraction = exact - std::floor(exact);
@@ -47,13 +47,13 @@ TEST(UnitFilm, RoundingIsUnbiased) {
 TEST(UnitFilm, RoundingIsIndependentOfTheSamplesOwnNumbers) {
   for (const double low : {0.0, 0.95}) {
     UnitFilm film({1, 1, 1}, 0);
-    Tallies tallies;
+    SampleCounts sample_counts;
     int added = 0;
     for (int i = 0; i < 400000; ++i) {
       const std::uint64_t key = rng::key(3, i);
       const double u = rng::Stream(key).next_double();
       if (u < low || u >= low + 0.05) continue;
-      film.add(0, 0, 0, {0.5F, 0.5F, 0.5F}, key, tallies);
+      film.add(0, 0, 0, {0.5F, 0.5F, 0.5F}, key, sample_counts);
       ++added;
     }
     ASSERT_GT(added, 15000);
@@ -67,15 +67,15 @@ TEST(UnitFilm, RoundingIsIndependentOfTheSamplesOwnNumbers) {
 // Claim: whole numbers of units are exact, and signed values round the same way.
 TEST(UnitFilm, WholeUnitsAreExact) {
   UnitFilm film({40, 3, 2}, 4);
-  Tallies tallies;
-  EXPECT_TRUE(film.add(1, 39, 2, {1.0F, 2.5F, 0.0F}, 11, tallies));
-  EXPECT_TRUE(film.add(1, 39, 2, {-3.0F, -0.0625F, -0.0F}, 12, tallies, true));
+  SampleCounts sample_counts;
+  EXPECT_TRUE(film.add(1, 39, 2, {1.0F, 2.5F, 0.0F}, 11, sample_counts));
+  EXPECT_TRUE(film.add(1, 39, 2, {-3.0F, -0.0625F, -0.0F}, 12, sample_counts, true));
   EXPECT_EQ(sum_at(film, 1, 39, 2, 0), 16 - 48);
   EXPECT_EQ(sum_at(film, 1, 39, 2, 1), 40 - 1);
   EXPECT_EQ(sum_at(film, 1, 39, 2, 2), 0);
   EXPECT_TRUE(film.touched(3));
   EXPECT_FALSE(film.touched(0));
-  EXPECT_EQ(tallies, Tallies{});
+  EXPECT_EQ(sample_counts, SampleCounts{});
   film.clear();
   EXPECT_FALSE(film.touched(3));
   EXPECT_EQ(sum_at(film, 1, 39, 2, 0), 0);
@@ -111,16 +111,16 @@ TEST(UnitFilm, BadValuesAreCountedAndKeptOut) {
   for (const Case& c : cases) {
     for (const bool splat : {false, true}) {
       UnitFilm film({1, 1, 1}, 10);
-      Tallies tallies;
-      const bool added = splat ? film.splat(0, 0, 0, c.rgb, 5, tallies, c.is_signed)
-                               : film.add(0, 0, 0, c.rgb, 5, tallies, c.is_signed);
+      SampleCounts sample_counts;
+      const bool added = splat ? film.splat(0, 0, 0, c.rgb, 5, sample_counts, c.is_signed)
+                               : film.add(0, 0, 0, c.rgb, 5, sample_counts, c.is_signed);
       EXPECT_EQ(added, c.cause < 0);
-      Tallies expected;
+      SampleCounts expected;
       if (c.cause >= 0) {
         expected.rejected[static_cast<std::size_t>(c.cause)] = 1;
         for (std::size_t i = 0; i < kChannels; ++i) EXPECT_EQ(sum_at(film, 0, 0, 0, i), 0);
       }
-      EXPECT_EQ(tallies, expected) << c.rgb[0] << " " << c.rgb[1] << " " << c.rgb[2];
+      EXPECT_EQ(sample_counts, expected) << c.rgb[0] << " " << c.rgb[1] << " " << c.rgb[2];
       EXPECT_FALSE(film.overflowed());
     }
   }
@@ -132,11 +132,11 @@ TEST(UnitFilm, OverflowIsNoticed) {
   for (const float sign : {1.0F, -1.0F}) {
     for (const bool splat : {false, true}) {
       UnitFilm film({1, 1, 1}, 0);
-      Tallies tallies;
+      SampleCounts sample_counts;
       const Rgb rgb{0, sign * 0x1p56F, 0};
       const auto once = [&](std::uint64_t key) {
-        return splat ? film.splat(0, 0, 0, rgb, key, tallies, true)
-                     : film.add(0, 0, 0, rgb, key, tallies, true);
+        return splat ? film.splat(0, 0, 0, rgb, key, sample_counts, true)
+                     : film.add(0, 0, 0, rgb, key, sample_counts, true);
       };
       for (std::uint64_t i = 0; i < 127; ++i) ASSERT_TRUE(once(i));
       EXPECT_FALSE(film.overflowed());
@@ -158,9 +158,9 @@ TEST(UnitFilm, SplatsFromThreadsAreExact) {
   const auto splat = [](UnitFilm& film, std::uint32_t i) {
     const std::uint64_t key = rng::key(1, i);
     rng::Stream stream(key);
-    Tallies tallies;
+    SampleCounts sample_counts;
     film.splat(0, stream.next_u32() % 5, stream.next_u32() % 3,
-               {stream.next_float(), stream.next_float(), stream.next_float()}, key, tallies);
+               {stream.next_float(), stream.next_float(), stream.next_float()}, key, sample_counts);
     film.count({1, 2, 3, {}});
   };
   UnitFilm alone({5, 3, 1}, 12);
@@ -176,16 +176,16 @@ TEST(UnitFilm, SplatsFromThreadsAreExact) {
   }
   for (std::thread& thread : threads) thread.join();
   EXPECT_TRUE(std::equal(alone.sums(), alone.sums() + 45, shared.sums()));
-  EXPECT_EQ(shared.tallies(), (Tallies{kSplats, 2 * kSplats, 3 * kSplats, {}}));
+  EXPECT_EQ(shared.sample_counts(), (SampleCounts{kSplats, 2 * kSplats, 3 * kSplats, {}}));
 }
 
 // Claim: scales at both ends of the allowed range work, and beyond them nothing is built.
 TEST(UnitFilm, ScalesAndLayoutsAreBounded) {
   for (const int scale : {-kMaxScaleLog2, kMaxScaleLog2}) {
     UnitFilm film({1, 1, 1}, scale);
-    Tallies tallies;
+    SampleCounts sample_counts;
     const float value = scale < 0 ? 0x1p127F : 0x1p-149F;
-    ASSERT_TRUE(film.add(0, 0, 0, {value, 0, 0}, 1, tallies));
+    ASSERT_TRUE(film.add(0, 0, 0, {value, 0, 0}, 1, sample_counts));
     EXPECT_EQ(sum_at(film, 0, 0, 0, 0), scale < 0 ? 0 : std::int64_t{1} << 51);
   }
   EXPECT_TRUE(validate({65536, 4096, 4}, 0).ok());

@@ -102,10 +102,10 @@ TEST(Adaptive, OneLevelIsTheIntegratorWithoutTests) {
       if (integrator != "appm") {
         EXPECT_EQ(sums(*one.film), sums(*other.film)) << integrator;
       }
-      film::Tallies tallies = one.film->tallies();
+      film::SampleCounts sample_counts = one.film->sample_counts();
       // Only integrators that decide radii count these.
-      tallies.sampled_merges = tallies.repeated_merges = 0;
-      EXPECT_EQ(tallies, other.film->tallies()) << integrator;
+      sample_counts.sampled_merges = sample_counts.repeated_merges = 0;
+      EXPECT_EQ(sample_counts, other.film->sample_counts()) << integrator;
     }
   }
 }
@@ -125,8 +125,8 @@ TEST(Adaptive, ThreadsAndCutsChangeNothing) {
     ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 4}, input, cut, {4}).ok());
     ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 1, 2}, input, cut, {3}).ok());
     EXPECT_EQ(sums(*one.film), sums(*cut.film)) << integrator;
-    EXPECT_EQ(one.film->tallies(), cut.film->tallies()) << integrator;
-    EXPECT_GT(one.film->tallies().sampled_merges, 0U) << integrator;
+    EXPECT_EQ(one.film->sample_counts(), cut.film->sample_counts()) << integrator;
+    EXPECT_GT(one.film->sample_counts().sampled_merges, 0U) << integrator;
     ASSERT_EQ(one.accumulators.size(), asked.work.accumulators.size());
     for (std::size_t i = 0; i < one.accumulators.size(); ++i) {
       EXPECT_EQ(one.accumulators[i]->spec(), asked.work.accumulators[i]) << integrator;
@@ -134,7 +134,7 @@ TEST(Adaptive, ThreadsAndCutsChangeNothing) {
       EXPECT_EQ(values, sums(*cut.accumulators[i])) << integrator;
       EXPECT_NE(std::accumulate(values.begin(), values.end(), std::int64_t{0}), 0) << integrator;
     }
-    for (const std::uint64_t count : one.film->tallies().rejected) EXPECT_EQ(count, 0U) << integrator;
+    for (const std::uint64_t count : one.film->sample_counts().rejected) EXPECT_EQ(count, 0U) << integrator;
   }
 }
 

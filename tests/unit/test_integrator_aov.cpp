@@ -47,7 +47,7 @@ struct Sums {
   std::map<std::string, film::AccumulatorSpec> specs;
   std::map<std::string, std::string> mattes;  // encoded
   std::map<std::string, film::KeyedSums> keys;
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   // The mean of a pixel's channel over `samples`.
   double mean(const std::string& name, std::size_t pixel, std::uint32_t channel, double samples) const {
     const film::AccumulatorSpec& spec = specs.at(name);
@@ -72,7 +72,7 @@ Sums sums_of(const render::UnitOutput& output) {
     }
     sums.aovs[name].assign(aov->sums(), aov->sums() + layout.pixel_count() * aov->spec().channels);
   }
-  sums.tallies = output.tallies();
+  sums.sample_counts = output.sample_counts();
   return sums;
 }
 
@@ -161,8 +161,8 @@ TEST(Aovs, OfAPlane) {
     }
   // Both signs are there, and both triangles.
   EXPECT_LT(sums.mean("position", 0, 0, 1) * sums.mean("position", kAovSide - 1, 0, 1), 0);
-  for (std::size_t cause = 0; cause < sums.tallies.rejected.size(); ++cause)
-    EXPECT_EQ(sums.tallies.rejected[cause], 0U);
+  for (std::size_t cause = 0; cause < sums.sample_counts.rejected.size(); ++cause)
+    EXPECT_EQ(sums.sample_counts.rejected[cause], 0U);
 }
 
 // Claim: the boundary test is Mitsuba's: three times the least barycentric coordinate on flat triangles, in
@@ -245,8 +245,8 @@ TEST(Aovs, LeaveTheFilmAlone) {
     const Sums with = run_units(*test::make_renderer(files, aov_job(kAll, integrator), {}), {unit});
     const Sums without = run_units(*test::make_renderer(files, aov_job("", integrator), {}), {unit});
     EXPECT_TRUE(with.film == without.film) << integrator;
-    EXPECT_EQ(with.tallies.eye_samples, without.tallies.eye_samples);
-    EXPECT_EQ(with.tallies.rays, without.tallies.rays + 4 * kAovSide * kAovSide);
+    EXPECT_EQ(with.sample_counts.eye_samples, without.sample_counts.eye_samples);
+    EXPECT_EQ(with.sample_counts.rays, without.sample_counts.rays + 4 * kAovSide * kAovSide);
     EXPECT_TRUE(without.aovs.empty());
   }
 }
@@ -274,7 +274,7 @@ TEST(Aovs, UnderFilters) {
     EXPECT_NEAR(sums.mean("coverage", p, 0, kSamples), 1, 0.1);
     EXPECT_NEAR(sums.mean("albedo", p, 1, kSamples), 0.5 * sums.mean("coverage", p, 0, kSamples), 1e-6);
   }
-  for (const std::uint64_t rejected : sums.tallies.rejected) EXPECT_EQ(rejected, 0U);
+  for (const std::uint64_t rejected : sums.sample_counts.rejected) EXPECT_EQ(rejected, 0U);
 }
 
 // Claim: in each pixel the sums over names are those of the coverage to the bit, whatever the filter, and

@@ -41,13 +41,13 @@ class MadeUpPhotons final : public render::Renderer {
       return input_error("no state");
     if (epochs_.of_index(unit.begin) != epochs_.of_index(unit.end - 1))
       return input_error("a unit of two epochs");
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     for (std::uint64_t i = unit.begin; i < unit.end; ++i)
       for (std::uint32_t p = 0; p < kWidth * kHeight; ++p) {
         const std::uint32_t x = p % kWidth, y = p / kWidth;
         const std::uint64_t key = rng::key(std::uint64_t{3}, unit.half, i, x, y);
         const auto level = static_cast<float>(state->second[p]);
-        output.film->add(0, x, y, {1 + level, level, 1}, key, tallies);
+        output.film->add(0, x, y, {1 + level, level, 1}, key, sample_counts);
         Draws draws(key);
         std::array<double, adaptive::kSectorChannels> sums{};
         double squares = 0;
@@ -57,11 +57,11 @@ class MadeUpPhotons final : public render::Renderer {
           sums[draws.below(inner ? 6 : 12)] += phi;
           squares += phi * phi;
         }
-        output.accumulators[0]->add(x, y, 0, sums, key, tallies);
-        output.accumulators[1]->add(x, y, 0, {&squares, 1}, key, tallies);
-        ++tallies.eye_samples;
+        output.accumulators[0]->add(x, y, 0, sums, key, sample_counts);
+        output.accumulators[1]->add(x, y, 0, {&squares, 1}, key, sample_counts);
+        ++sample_counts.eye_samples;
       }
-    output.film->count(tallies);
+    output.film->count(sample_counts);
     return {};
   }
   Result<std::string> plan_text() const override { return std::string(""); }
@@ -158,7 +158,7 @@ TEST(EpochRunTest, RendersAJob) {
   EXPECT_EQ(job->states, whole.states);
   EXPECT_EQ(job->halves[0].iterations, 21U);
   EXPECT_EQ(job->halves[1].iterations, 20U);
-  EXPECT_EQ(job->tallies().eye_samples, std::uint64_t{41} * kWidth * kHeight);
+  EXPECT_EQ(job->sample_counts().eye_samples, std::uint64_t{41} * kWidth * kHeight);
   EXPECT_NEAR(job->mean(0)[2], 1, 1e-5);
 }
 

@@ -119,7 +119,7 @@ TEST(Mcppm, SpreadsFewVisiblePaths) {
   EXPECT_EQ(counts.mutations, 5120 * (3 - counts.black_iterations));
   EXPECT_GT(counts.accepted, 0U);
   EXPECT_LT(counts.accepted, counts.mutations);
-  EXPECT_EQ(output.film->tallies().light_paths, counts.light_paths + counts.mutations);
+  EXPECT_EQ(output.film->sample_counts().light_paths, counts.light_paths + counts.mutations);
   // The step matters to chains alone.
   EXPECT_LT(counts_of(run(*renderer, kUnit, 0.3)).accepted, counts.accepted);
   EXPECT_EQ(counts_of(run(*renderer, kUnit, 0.3)).visible_paths, counts.visible_paths);
@@ -128,14 +128,14 @@ TEST(Mcppm, SpreadsFewVisiblePaths) {
   EXPECT_NE(few.find("note visible light paths"), std::string::npos) << few;
 }
 
-// Claim: threads and cuts leave no trace in film, counts and tallies, where chains are few and long.
+// Claim: threads and cuts leave no trace in film, counts and sample counts, where chains are few and long.
 TEST(Mcppm, ThreadsAndCutsChangeNothing) {
   const auto renderer =
       make("mcppm", patch(8), {{"radius", "0.01"}, {"light_paths", "20"}, {"mutations_per_path", "3"}});
   const auto one = run(*renderer, kUnit), other = run(*renderer, kUnit, 1.0 / 64, 5);
   EXPECT_EQ(sums(one), sums(other));
   EXPECT_EQ(counts_of(one), counts_of(other));
-  EXPECT_EQ(one.film->tallies(), other.film->tallies());
+  EXPECT_EQ(one.film->sample_counts(), other.film->sample_counts());
 }
 
 // Claim: iterations without a visible path are black, and count.

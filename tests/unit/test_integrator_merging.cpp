@@ -100,10 +100,10 @@ TEST(Merging, ThreadsAndCutsChangeNothing) {
     ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 3}, input, cut, {3}).ok());
     EXPECT_EQ(sums(*one.film), sums(*four.film)) << integrator;
     EXPECT_EQ(sums(*one.film), sums(*cut.film)) << integrator;
-    EXPECT_EQ(one.film->tallies(), four.film->tallies()) << integrator;
-    EXPECT_EQ(one.film->tallies().eye_samples, 3 * kSize * kSize) << integrator;
-    EXPECT_EQ(one.film->tallies().light_paths, 3 * kSize * kSize) << integrator;
-    for (const std::uint64_t count : one.film->tallies().rejected) EXPECT_EQ(count, 0u) << integrator;
+    EXPECT_EQ(one.film->sample_counts(), four.film->sample_counts()) << integrator;
+    EXPECT_EQ(one.film->sample_counts().eye_samples, 3 * kSize * kSize) << integrator;
+    EXPECT_EQ(one.film->sample_counts().light_paths, 3 * kSize * kSize) << integrator;
+    for (const std::uint64_t count : one.film->sample_counts().rejected) EXPECT_EQ(count, 0u) << integrator;
   }
 }
 
@@ -117,7 +117,7 @@ TEST(Merging, CountsOfLightPaths) {
     auto output = renderer->make_output(state);
     const auto& film = output.film;
     ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 1}, {state, {}, {}}, output, {1}).ok());
-    EXPECT_EQ(film->tallies().light_paths, count);
+    EXPECT_EQ(film->sample_counts().light_paths, count);
   }
 }
 

@@ -36,7 +36,7 @@ struct Recorder {
 
 template <class ChoiceT>
 struct RecordConfig {
-  static constexpr transport::Between kBetween = transport::Between::media;
+  static constexpr transport::EdgeContent kEdgeContent = transport::EdgeContent::media;
   static constexpr bool kLists = false;
   using Mis = transport::Balance;
   using Sampler = mcmc::PrimarySampler;
@@ -72,7 +72,7 @@ TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
   // An estimator for each longest path: on its last edge what passes straight is no matter of chance.
   estimators::PathOptions options[kMax + 1];
   const estimators::Techniques techniques;
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   Recorder all[kMax + 1], one;
   using Whole = estimators::Bidirectional<RecordConfig<estimators::EveryTechnique>>;
   std::vector<std::unique_ptr<Whole>> whole;
@@ -80,10 +80,10 @@ TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
     options[most].max_depth = std::max(most, 1u);
     options[most].rr_depth = 1000;
     whole.push_back(std::make_unique<Whole>(**scene, options[most], techniques, estimators::one_of_each(film),
-                                            all[most], tallies));
+                                            all[most], sample_counts));
   }
   estimators::Bidirectional<RecordConfig<estimators::OneTechnique>> single(
-      **scene, options[kMax], techniques, estimators::one_of_each(film), one, tallies);
+      **scene, options[kMax], techniques, estimators::one_of_each(film), one, sample_counts);
   mcmc::PrimaryState numbers({});
   ByTechnique times;
   for (std::uint64_t key = 0; key < 20000; ++key) {
@@ -143,11 +143,11 @@ TEST(IntegratorMmlt, TargetIsAShareOverItsProbability) {
   options.rr_depth = 1000;
   const estimators::Techniques techniques;
   const mmlt::Lengths lengths(1, kMax);
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   Recorder one;
   estimators::Bidirectional<RecordConfig<estimators::OneTechnique>> single(
-      **scene, options, techniques, estimators::one_of_each(film), one, tallies);
-  mmlt::Target<transport::Between::media> target(context, options, techniques, lengths, tallies);
+      **scene, options, techniques, estimators::one_of_each(film), one, sample_counts);
+  mmlt::Target<transport::EdgeContent::media> target(context, options, techniques, lengths, sample_counts);
   mcmc::PrimaryState numbers({});
   mcmc::SplatList list;
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> times;

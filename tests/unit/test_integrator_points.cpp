@@ -69,7 +69,7 @@ TEST(IntegratorPoints, OneTechniqueIsNextEventEstimation) {
     estimators::FirstVertex first(setup, options);
     const BySampler by_sampler(scene, point);
     samplers::Sampler sampler(samplers::SamplerKind::sobol, 1);
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     int lit = 0;
     for (std::uint32_t i = 0; i < 4000; ++i) {
       const std::uint32_t x = i % 64, y = i / 64;
@@ -78,14 +78,15 @@ TEST(IntegratorPoints, OneTechniqueIsNextEventEstimation) {
                                        (static_cast<float>(y) + 0.5f) / 64, {}, weight);
       sampler.start(0, 0, x, y);
       first.start();
-      const Spectrum ours = estimators::PathTracer<transport::Between::nothing, scene::Scene,
+      const Spectrum ours = estimators::PathTracer<transport::EdgeContent::nothing, scene::Scene,
                                                    samplers::Sampler, estimators::FirstVertex>(
-                                scene, first.options(), techniques, sampler, tallies, &first)
+                                scene, first.options(), techniques, sampler, sample_counts, &first)
                                 .radiance(ray);
       sampler.start(0, 0, x, y);
-      const Spectrum path = estimators::PathTracer<transport::Between::nothing, BySampler, samplers::Sampler>(
-                                by_sampler, options, techniques, sampler, tallies)
-                                .radiance(ray);
+      const Spectrum path =
+          estimators::PathTracer<transport::EdgeContent::nothing, BySampler, samplers::Sampler>(
+              by_sampler, options, techniques, sampler, sample_counts)
+              .radiance(ray);
       ASSERT_NEAR(ours.g, path.g, 1e-5f * path.g) << static_cast<int>(point) << " " << i;
       lit += path.g > 0 ? 1 : 0;
     }

@@ -229,12 +229,12 @@ TEST_P(CutsOf, AreTheFirstSegments) {
   run(0, done, {1}, same);
   EXPECT_EQ(sums(first), sums(same));
   EXPECT_EQ(first.records, same.records);
-  EXPECT_EQ(first.tallies(), same.tallies());
+  EXPECT_EQ(first.sample_counts(), same.sample_counts());
   run(0, count, {2}, all);
   EXPECT_EQ(all.records.size(), count);
   run(done, count, {1}, first);  // sums are added
   EXPECT_EQ(sums(first), sums(all));
-  EXPECT_EQ(first.tallies(), all.tallies());
+  EXPECT_EQ(first.sample_counts(), all.sample_counts());
 }
 
 INSTANTIATE_TEST_SUITE_P(, CutsOf, testing::ValuesIn(test::chain_integrators()),

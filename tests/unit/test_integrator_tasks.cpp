@@ -34,21 +34,21 @@ Stage make_stage() {
 // A stand-in for a light integrator: each path splats one value to a random pixel of both layers.
 Result<void> splat_some(const Stage& stage, const Unit& unit, std::uint64_t paths, film::UnitFilm& film,
                         const RunContext& run) {
-  return run_light_paths(stage.context(), unit, paths, film, run, [&](film::Tallies& tallies) {
+  return run_light_paths(stage.context(), unit, paths, film, run, [&](film::SampleCounts& sample_counts) {
     return [&](std::uint64_t, samplers::Sampler& sampler) {
       const Vec2 at = sampler.next_2d();
       const auto x = static_cast<std::uint32_t>(at.x * static_cast<float>(kLayout.width));
       const auto y = static_cast<std::uint32_t>(at.y * static_cast<float>(kLayout.height));
       const float value = sampler.next_1d();
-      film.splat(0, x, y, {value, 1, 0}, sampler.sample_key(), tallies);
-      film.splat(1, x, y, {0, value, 1}, sampler.sample_key(), tallies);
-      ++tallies.rays;
+      film.splat(0, x, y, {value, 1, 0}, sampler.sample_key(), sample_counts);
+      film.splat(1, x, y, {0, value, 1}, sampler.sample_key(), sample_counts);
+      ++sample_counts.rays;
     };
   });
 }
 
-// Claim: sums and tallies do not depend on the threads, nor on how iterations are cut into units, and the
-// count of light paths is the iterations' times the paths'.
+// Claim: sums and sample counts do not depend on the threads, nor on how iterations are cut into units, and
+// the count of light paths is the iterations' times the paths'.
 TEST(LightPaths, ThreadsAndCutsChangeNothing) {
   const Stage stage = make_stage();
   constexpr std::uint64_t kPaths = 5 * kLightChunk + 17;
@@ -58,15 +58,15 @@ TEST(LightPaths, ThreadsAndCutsChangeNothing) {
   ASSERT_TRUE(splat_some(stage, {Unit::Kind::iterations, 1, 4, 7}, kPaths, cut, {2}).ok());
   ASSERT_TRUE(splat_some(stage, {Unit::Kind::iterations, 1, 3, 4}, kPaths, cut, {3}).ok());
   ASSERT_TRUE(splat_some(stage, {Unit::Kind::iterations, 0, 3, 7}, kPaths, other, {1}).ok());
-  EXPECT_EQ(one.tallies().light_paths, 4 * kPaths);
-  EXPECT_EQ(one.tallies().rays, 4 * kPaths);
+  EXPECT_EQ(one.sample_counts().light_paths, 4 * kPaths);
+  EXPECT_EQ(one.sample_counts().rays, 4 * kPaths);
   const std::size_t values = kLayout.pixel_count() * kLayout.layers * film::kChannels;
   const std::vector<std::int64_t> sums(one.sums(), one.sums() + values);
   EXPECT_EQ(sums, std::vector<std::int64_t>(four.sums(), four.sums() + values));
   EXPECT_EQ(sums, std::vector<std::int64_t>(cut.sums(), cut.sums() + values));
   EXPECT_NE(sums, std::vector<std::int64_t>(other.sums(), other.sums() + values)) << "halves must differ";
-  EXPECT_EQ(one.tallies(), four.tallies());
-  EXPECT_EQ(one.tallies(), cut.tallies());
+  EXPECT_EQ(one.sample_counts(), four.sample_counts());
+  EXPECT_EQ(one.sample_counts(), cut.sample_counts());
 }
 
 // Claim: chunks cover [0, count) once, none is longer than kLightChunk or starts elsewhere than at a
@@ -77,11 +77,12 @@ TEST(LightPaths, ChunksCoverTheCountOnce) {
     film::UnitFilm film(kLayout, 0);
     std::mutex mutex;
     std::map<std::uint64_t, std::uint64_t> chunks;
-    ASSERT_TRUE(
-        for_each_light_chunk(count, film, {3}, [&](std::uint64_t begin, std::uint64_t end, film::Tallies&) {
-          const std::lock_guard lock(mutex);
-          EXPECT_TRUE(chunks.emplace(begin, end).second);
-        }).ok());
+    ASSERT_TRUE(for_each_light_chunk(count, film, {3},
+                                     [&](std::uint64_t begin, std::uint64_t end, film::SampleCounts&) {
+                                       const std::lock_guard lock(mutex);
+                                       EXPECT_TRUE(chunks.emplace(begin, end).second);
+                                     })
+                    .ok());
     EXPECT_EQ(chunks.size(), light_chunk_count(count));
     std::uint64_t at = 0;
     for (const auto& [begin, end] : chunks) {
@@ -105,7 +106,7 @@ TEST(LightPaths, StopIsNoticed) {
     film::UnitFilm film(kLayout, 0);
     const auto result =
         run_light_paths(stage.context(), {Unit::Kind::iterations, 0, 0, 100000}, 100 * kLightChunk, film,
-                        {threads, &stop, nullptr}, [&](film::Tallies&) {
+                        {threads, &stop, nullptr}, [&](film::SampleCounts&) {
                           return [&](std::uint64_t, samplers::Sampler&) {
                             if (++traced == 10) stop = true;
                           };
@@ -128,7 +129,7 @@ TEST(Tasks, CutLoopsHaveTheFirstTasks) {
       std::set<std::uint64_t> done;
       RunContext run{threads};
       run.cut = &cut;
-      const auto body = [&](std::uint64_t task, film::Tallies&) {
+      const auto body = [&](std::uint64_t task, film::SampleCounts&) {
         if (task == cut_at) cut = true;
         const std::lock_guard lock(mutex);
         done.insert(task);
@@ -162,7 +163,7 @@ TEST(Tasks, ProgressSpansGrowToOne) {
   for (std::uint64_t part = 0; part < 6; part += 2) {
     ASSERT_TRUE(for_each_light_chunk(
                     3 * kLightChunk, film, run,
-                    [&](std::uint64_t, std::uint64_t, film::Tallies&) {
+                    [&](std::uint64_t, std::uint64_t, film::SampleCounts&) {
                       EXPECT_GE(progress.load(), last);
                       last = progress.load();
                     },
@@ -171,7 +172,7 @@ TEST(Tasks, ProgressSpansGrowToOne) {
     EXPECT_FLOAT_EQ(progress.load(), static_cast<float>(part + 1) / 6);
     ASSERT_TRUE(for_each_tile(
                     kLayout.width, kLayout.height, film, run,
-                    [&](std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t, film::Tallies&) {
+                    [&](std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t, film::SampleCounts&) {
                       EXPECT_GE(progress.load(), last);
                       last = progress.load();
                     },

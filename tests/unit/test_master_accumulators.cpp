@@ -25,18 +25,18 @@ film::Delta delta_of(std::uint32_t half, std::uint64_t i) {
   film::UnitFilm film(kWide, 10);
   film::UnitAccumulator moments(kWide.width, kWide.height, kSpecs[0]);
   film::UnitAccumulator matrix(kWide.width, kWide.height, kSpecs[1]);
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   const std::uint64_t key = rng::key(half, i);
   const auto x = static_cast<std::uint32_t>(key % kWide.width);
-  film.splat(0, x, 3, {1, 2, 3}, key, tallies);
-  moments.add(x, 3, 0, std::array<double, 2>{0.5, 0.25}, key, tallies);
-  matrix.add(x, 3, 0, std::array<double, 1>{7}, key, tallies);
-  film.count(tallies);
+  film.splat(0, x, 3, {1, 2, 3}, key, sample_counts);
+  moments.add(x, 3, 0, std::array<double, 2>{0.5, 0.25}, key, sample_counts);
+  matrix.add(x, 3, 0, std::array<double, 1>{7}, key, sample_counts);
+  film.count(sample_counts);
   film::DeltaWriter writer({{Unit::Kind::iterations, half, i, i + 1}, {}, 0, "j", "b"});
   writer.film(film);
   writer.accumulator(moments, i / 4);
   writer.accumulator(matrix, 0);
-  writer.counts(tallies);
+  writer.counts(sample_counts);
   auto delta = film::Delta::decode(writer.finish(), {kWide, kSpecs});
   EXPECT_TRUE(delta.ok()) << delta.error().to_string();
   return std::move(*delta);
@@ -95,10 +95,10 @@ TEST(JobAccumulators, TooManyKeysAreRefused) {
   spec.key_names.assign(17, "name");  // in all pixels a few more than 2^20 pairs
   const auto delta_of = [&](std::uint64_t unit, std::uint32_t first, std::uint32_t last) {
     film::UnitAccumulator mattes(kFilm.width, kFilm.height, spec);
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     for (std::uint32_t key = first; key < last; ++key)
       for (std::uint32_t p = 0; p < kFilm.pixel_count(); ++p)
-        mattes.add_key(p % kFilm.width, p / kFilm.width, key, 1, 1, tallies);
+        mattes.add_key(p % kFilm.width, p / kFilm.width, key, 1, 1, sample_counts);
     EXPECT_EQ(mattes.overfull(), last - first == 17);
     film::DeltaWriter writer({{Unit::Kind::iterations, 0, unit, unit + 1}, {}, 0, "j", "b"});
     writer.film(film::UnitFilm(kFilm, 10));
@@ -189,9 +189,9 @@ TEST(JobAccumulators, CheckpointsInUsedMemoryAreTheSame) {
       JobFilm film(at, layout, 10, &write_file_atomically);
       ASSERT_TRUE(film.ensure_loaded().ok());
       film::UnitFilm unit(layout, 10);
-      film::Tallies tallies;
+      film::SampleCounts sample_counts;
       for (std::uint32_t x = 0; x < layout.width; x += 1 + static_cast<std::uint32_t>(k))
-        unit.add(0, x, x % layout.height, {1.5f, 2, static_cast<float>(k)}, x, tallies);
+        unit.add(0, x, x % layout.height, {1.5f, 2, static_cast<float>(k)}, x, sample_counts);
       const auto delta = film::Delta::decode(
           film::encode_delta(unit, {{Unit::Kind::iterations, 0, 3, 4}, {}, 0, "j", "b"}), layout);
       ASSERT_TRUE(delta.ok());

@@ -21,10 +21,11 @@ constexpr std::uint32_t kFew = 6;  // chains
 
 film::Delta delta_of(const Unit& unit) {
   film::UnitFilm film(kLayout, 10);
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   for (std::uint64_t i = unit.begin; i < unit.end; ++i)
-    film.splat(0, static_cast<std::uint32_t>(i % 8), unit.half, {1, 2, 3}, rng::key(unit.half, i), tallies);
-  film.count(tallies);
+    film.splat(0, static_cast<std::uint32_t>(i % 8), unit.half, {1, 2, 3}, rng::key(unit.half, i),
+               sample_counts);
+  film.count(sample_counts);
   auto delta = film::Delta::decode(film::encode_delta(film, {unit, kLayout, 10, "j", "b"}), kLayout);
   EXPECT_TRUE(delta.ok());
   return std::move(*delta);

@@ -31,19 +31,19 @@ film::Delta delta_of(std::uint32_t half, std::uint64_t epoch) {
   film::UnitFilm film(kLayout, 10);
   film::UnitAccumulator moments(kLayout.width, kLayout.height, kSpecs[0]);
   film::UnitAccumulator matrix(kLayout.width, kLayout.height, kSpecs[1]);
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   for (std::uint32_t y = 0; y < kLayout.height; ++y)
     for (std::uint32_t x = 0; x < kLayout.width; ++x) {
       const std::uint64_t key = rng::key(half, epoch, y, x);
       const double u = rng::to_double(key);
-      moments.add(x, y, 0, std::array<double, 2>{u, u * u}, key, tallies);
+      moments.add(x, y, 0, std::array<double, 2>{u, u * u}, key, sample_counts);
     }
-  film.count(tallies);
+  film.count(sample_counts);
   film::DeltaWriter writer({{Unit::Kind::iterations, half, 2 * epoch, 2 * epoch + 2}, {}, 0, "j", "b"});
   writer.film(film);
   writer.accumulator(moments, epoch);
   writer.accumulator(matrix, 0);
-  writer.counts(tallies);
+  writer.counts(sample_counts);
   auto delta = film::Delta::decode(writer.finish(), {kLayout, kSpecs});
   EXPECT_TRUE(delta.ok()) << delta.error().to_string();
   return std::move(*delta);
@@ -322,23 +322,23 @@ TEST(FilmDecisions, DISABLED_SecondsOfAnEpoch) {
   film::UnitFilm film(kLarge, 20);
   film::UnitAccumulator sectors(kLarge.width, kLarge.height, specs[0]);
   film::UnitAccumulator squares(kLarge.width, kLarge.height, specs[1]);
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   for (std::uint32_t y = 0; y < kLarge.height; ++y)
     for (std::uint32_t x = 0; x < kLarge.width; ++x) {
       const std::uint64_t key = rng::key(y, x);
       std::array<double, adaptive::kSectorChannels> values;
       for (std::size_t s = 0; s < values.size(); ++s) values[s] = rng::to_double(rng::key(key, s)) * 0.1;
-      sectors.add(x, y, 0, values, key, tallies);
+      sectors.add(x, y, 0, values, key, sample_counts);
       const double square = 0.01;
-      squares.add(x, y, 0, {&square, 1}, key, tallies);
-      film.add(0, x, y, {1, 1, 1}, key, tallies);
+      squares.add(x, y, 0, {&square, 1}, key, sample_counts);
+      film.add(0, x, y, {1, 1, 1}, key, sample_counts);
     }
   const auto bytes_of = [&](std::uint32_t half, std::uint64_t epoch) {
     film::DeltaWriter writer({{Unit::Kind::iterations, half, 4 * epoch, 4 * epoch + 4}, {}, 0, "j", "b"});
     writer.film(film);
     writer.accumulator(sectors, epoch);
     writer.accumulator(squares, epoch);
-    writer.counts(tallies);
+    writer.counts(sample_counts);
     return writer.finish();
   };
   clock("making the sums");

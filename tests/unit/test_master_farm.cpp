@@ -418,10 +418,10 @@ TEST(SqliteStore, KeepsWhatItIsTold) {
   job.settings.height = 4;
   job.settings.integrator_settings = {{"max_depth", "7"}};
   job.stop.relmse = 1e-3;
-  job.tallies.rejected = {1, 2, 3, 4, 5};
-  job.tallies.sampled_merges = 6;
-  job.tallies.repeated_merges = 7;
-  job.tallies.bounded_walks = 8;
+  job.sample_counts.rejected = {1, 2, 3, 4, 5};
+  job.sample_counts.sampled_merges = 6;
+  job.sample_counts.repeated_merges = 7;
+  job.sample_counts.bounded_walks = 8;
   job.named_state = NamedState{-5};
   job.state = JobState::paused;
   {
@@ -443,7 +443,7 @@ TEST(SqliteStore, KeepsWhatItIsTold) {
   EXPECT_EQ(j.name, job.name);
   EXPECT_EQ(j.settings.integrator_settings, job.settings.integrator_settings);
   EXPECT_EQ(j.stop.relmse, 1e-3);
-  EXPECT_EQ(j.tallies, job.tallies);
+  EXPECT_EQ(j.sample_counts, job.sample_counts);
   EXPECT_EQ(j.named_state->film_scale_log2, -5);
   EXPECT_EQ(j.state, JobState::paused);
   EXPECT_TRUE(std::isnan(j.relmse));

@@ -33,9 +33,9 @@ class IndicesTest : public SchedulerFixture {
     s->deregister("pilot", now());
   }
   Delivery deliver(const Lease& l, const Unit& u, double seconds = 1) {
-    film::Tallies tallies;
-    tallies.eye_samples = (u.end - u.begin) * kPixels;
-    return SchedulerFixture::deliver(l, u, tallies, seconds, 100);
+    film::SampleCounts sample_counts;
+    sample_counts.eye_samples = (u.end - u.begin) * kPixels;
+    return SchedulerFixture::deliver(l, u, sample_counts, seconds, 100);
   }
   const Job& job() { return *s->job("j"); }
   // Workers a, b, c take, deliver, hand back and lose units at random until nobody gets one any more.

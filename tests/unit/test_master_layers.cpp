@@ -72,9 +72,9 @@ class MasterLayers : public testing::Test {
   v1::PushDeltaResponse push(const v1::Lease& lease, const film::Layout& layout) {
     const Unit unit = *wire::from_proto(lease.unit());
     film::UnitFilm film(layout, 16);
-    film::Tallies tallies;
-    for (std::uint32_t i = 0; i < layout.layers; ++i) film.splat(i, 3, 5, {1, 2, 3}, i, tallies);
-    film.count(tallies);
+    film::SampleCounts sample_counts;
+    for (std::uint32_t i = 0; i < layout.layers; ++i) film.splat(i, 3, 5, {1, 2, 3}, i, sample_counts);
+    film.count(sample_counts);
     const std::string bytes = film::encode_delta(film, {unit, layout, 16, job_, std::string(build_id())});
     const v1::PushDeltaResponse response = worker_->push(worker_->header(lease, bytes), bytes);
     EXPECT_TRUE(worker_->status.ok());
@@ -155,13 +155,13 @@ TEST_F(MasterLayers, DeltasMustHaveTheJobsAccumulators) {
     film::UnitFilm film({40, 33, 1}, 16);
     film::DeltaWriter writer({*wire::from_proto(lease.unit()), {}, 0, job_, std::string(build_id())});
     writer.film(film);
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     for (const film::AccumulatorSpec& spec : specs) {
       film::UnitAccumulator sums(40, 33, spec);
-      sums.add(3, 4, 0, std::array<double, 1>{1.5}, 9, tallies);
+      sums.add(3, 4, 0, std::array<double, 1>{1.5}, 9, sample_counts);
       writer.accumulator(sums, epoch);
     }
-    writer.counts(tallies);
+    writer.counts(sample_counts);
     const std::string bytes = writer.finish();
     const v1::DeltaVerdict verdict = worker_->push(worker_->header(lease, bytes), bytes).verdict();
     EXPECT_EQ(verdict == v1::DELTA_VERDICT_MERGED, show().iterations() > 0);

@@ -175,21 +175,21 @@ film::Delta delta_of(std::uint64_t begin) {
   film::UnitFilm film(kLayout, 10);
   film::UnitAccumulator moments(kLayout.width, kLayout.height, kSpecs[0]);
   film::UnitAccumulator matrix(kLayout.width, kLayout.height, kSpecs[1]);
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   for (std::uint32_t y = 0; y < kLayout.height; ++y)
     for (std::uint32_t x = 0; x < kLayout.width; ++x) {
       const std::uint64_t key = rng::key(begin, y, x);
       const double u = 1 + rng::to_double(key);
-      moments.add(x, y, 0, std::array<double, 2>{u, u * u}, key, tallies);
-      matrix.add(x, y, 0, std::array<double, 1>{u}, key, tallies);
-      film.add(0, x, y, {1.0F, 2.0F, static_cast<float>(u)}, key, tallies);
+      moments.add(x, y, 0, std::array<double, 2>{u, u * u}, key, sample_counts);
+      matrix.add(x, y, 0, std::array<double, 1>{u}, key, sample_counts);
+      film.add(0, x, y, {1.0F, 2.0F, static_cast<float>(u)}, key, sample_counts);
     }
-  film.count(tallies);
+  film.count(sample_counts);
   film::DeltaWriter writer({{Unit::Kind::iterations, 0, begin, begin + 1}, {}, 0, "j", "b"});
   writer.film(film);
   writer.accumulator(moments, 0);
   writer.accumulator(matrix, 0);
-  writer.counts(tallies);
+  writer.counts(sample_counts);
   auto delta = film::Delta::decode(writer.finish(), {kLayout, kSpecs});
   EXPECT_TRUE(delta.ok()) << delta.error().to_string();
   return std::move(*delta);

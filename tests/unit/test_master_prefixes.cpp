@@ -68,13 +68,13 @@ constexpr std::uint32_t kChains = 6;
 
 film::Delta delta_of(const Unit& unit, const film::Layout& layout = kLayout) {
   film::UnitFilm film(layout, 10);
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   for (std::uint64_t i = unit.begin; i < unit.end; ++i) {
     film.splat(0, static_cast<std::uint32_t>(i % 8), unit.half, {1, 2, static_cast<float>(i)},
-               rng::key(unit.half, i), tallies);
-    ++tallies.eye_samples;
+               rng::key(unit.half, i), sample_counts);
+    ++sample_counts.eye_samples;
   }
-  film.count(tallies);
+  film.count(sample_counts);
   auto delta = film::Delta::decode(film::encode_delta(film, {unit, layout, 10, "j", "b"}), layout);
   EXPECT_TRUE(delta.ok());
   return std::move(*delta);
@@ -123,7 +123,7 @@ TEST(PrefixFilm, ShowsThePrefixAlone) {
   ASSERT_TRUE(plain.film.merge(delta_of(iterations(1, 0, 4))).ok());
   ASSERT_TRUE(plain.film.merge(delta_of(iterations(0, 0, 4))).ok());
   EXPECT_EQ(one.bytes(), plain.bytes());
-  EXPECT_EQ(one.film.account().tallies.eye_samples, 8U);
+  EXPECT_EQ(one.film.account().sample_counts.eye_samples, 8U);
   ASSERT_TRUE(one.film.checkpoint().ok());
   EXPECT_FALSE(one.film.dirty()) << "what is ahead is in no checkpoint";
   EXPECT_EQ(FilmOf(folder.path()).bytes(), plain.bytes());
@@ -279,9 +279,9 @@ class PrefixScheduler : public SchedulerFixture {
     while (const auto l = lease("a")) {
       const Unit u = unit_of(*l);
       EXPECT_TRUE(out[u.half].insert(u.begin, u.end));
-      film::Tallies tallies;
-      tallies.eye_samples = u.end - u.begin;
-      EXPECT_EQ(deliver(*l, u, tallies, static_cast<double>(u.end - u.begin)), Delivery::ok);
+      film::SampleCounts sample_counts;
+      sample_counts.eye_samples = u.end - u.begin;
+      EXPECT_EQ(deliver(*l, u, sample_counts, static_cast<double>(u.end - u.begin)), Delivery::ok);
     }
     return out;
   }

@@ -29,9 +29,9 @@ class SchedulerTest : public SchedulerFixture {
     }
   }
   Delivery deliver(const Lease& l, const Unit& u, double seconds = 1) {
-    film::Tallies tallies;
-    tallies.eye_samples = (u.end - u.begin) * kPixels;
-    return SchedulerFixture::deliver(l, u, tallies, seconds);
+    film::SampleCounts sample_counts;
+    sample_counts.eye_samples = (u.end - u.begin) * kPixels;
+    return SchedulerFixture::deliver(l, u, sample_counts, seconds);
   }
 };
 

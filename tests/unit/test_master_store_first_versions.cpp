@@ -113,8 +113,8 @@ TEST(StoreVersions, EarlierOnesBecomeThePresentOne) {
       EXPECT_EQ(j.settings.integrator_settings, settings.integrator_settings);
       EXPECT_EQ(j.named_state->film_scale_log2, 13);
       EXPECT_EQ(j.plan, "the plan");
-      EXPECT_EQ(j.tallies.rejected, (std::array<std::uint64_t, film::kRejectCauses>{1, 2, 3, 4}));
-      EXPECT_EQ(j.tallies.sampled_merges, 0U);
+      EXPECT_EQ(j.sample_counts.rejected, (std::array<std::uint64_t, film::kRejectCauses>{1, 2, 3, 4}));
+      EXPECT_EQ(j.sample_counts.sampled_merges, 0U);
       EXPECT_EQ(j.checkpoint_generation, 5U);
       EXPECT_EQ(j.layers,
                 version == 1 ? std::vector<std::string>() : (std::vector<std::string>{"s2.t3", "s3.t2"}));

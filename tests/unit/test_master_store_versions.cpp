@@ -25,7 +25,7 @@ TEST(StoreVersions, TheFifthLearnsToCountStatistics) {
   j.settings.height = 20;
   j.layers = {"independent"};
   j.chains = ChainPlan{2, 1, 1};
-  j.tallies.rejected = {1, 2, 3, 4};
+  j.sample_counts.rejected = {1, 2, 3, 4};
   j.bootstrap_rejected = {5, 6, 7, 8};
   BootstrapRow bootstrap;
   bootstrap.job_id = "j";
@@ -50,14 +50,14 @@ TEST(StoreVersions, TheFifthLearnsToCountStatistics) {
     EXPECT_NE(old.shape(), present) << "nothing is tested";
   }
   expect_present(path, present, [&](Store& store, const StoredState& state) {
-    EXPECT_EQ(state.jobs.at(0).tallies, j.tallies);
+    EXPECT_EQ(state.jobs.at(0).sample_counts, j.sample_counts);
     EXPECT_EQ(state.jobs[0].bootstrap_rejected, j.bootstrap_rejected);
     EXPECT_EQ(state.bootstraps.at(0).rejected, bootstrap.rejected);
-    j.tallies.rejected[4] = 13;
+    j.sample_counts.rejected[4] = 13;
     j.bootstrap_rejected[4] = 14;
-    j.tallies.sampled_merges = 15;
-    j.tallies.repeated_merges = 16;
-    j.tallies.bounded_walks = 18;
+    j.sample_counts.sampled_merges = 15;
+    j.sample_counts.repeated_merges = 16;
+    j.sample_counts.bounded_walks = 18;
     bootstrap.rejected[4] = 17;
     ASSERT_TRUE(store.write(std::vector<Change>{PutJob{j}, PutBootstrap{bootstrap}}).ok());
   });
@@ -73,8 +73,8 @@ TEST(StoreVersions, TheSixthLearnsToCountBoundedWalks) {
   j.bundle_sha256 = "hash";
   j.settings.width = 30;
   j.settings.height = 20;
-  j.tallies.rejected = {1, 2, 3, 4, 5};
-  j.tallies.repeated_merges = 6;
+  j.sample_counts.rejected = {1, 2, 3, 4, 5};
+  j.sample_counts.repeated_merges = 6;
   {
     auto store = open_sqlite_store(path);
     ASSERT_TRUE(store.ok());
@@ -92,8 +92,8 @@ TEST(StoreVersions, TheSixthLearnsToCountBoundedWalks) {
     EXPECT_NE(old.shape(), present) << "nothing is tested";
   }
   expect_present(path, present, [&](Store& store, const StoredState& state) {
-    EXPECT_EQ(state.jobs.at(0).tallies, j.tallies);
-    j.tallies.bounded_walks = 7;
+    EXPECT_EQ(state.jobs.at(0).sample_counts, j.sample_counts);
+    j.sample_counts.bounded_walks = 7;
     ASSERT_TRUE(store.write(std::vector<Change>{PutJob{j}}).ok());
   });
 }
@@ -142,7 +142,7 @@ TEST(StoreVersions, TheEighthLearnsSubmitters) {
   j.submitter = "forgotten";
   j.settings.width = 30;
   j.settings.height = 20;
-  j.tallies.bounded_walks = 7;
+  j.sample_counts.bounded_walks = 7;
   {
     auto store = open_sqlite_store(path);
     ASSERT_TRUE(store.ok());
@@ -158,7 +158,7 @@ TEST(StoreVersions, TheEighthLearnsSubmitters) {
   }
   std::string expected;
   expect_present(path, present, [&](Store& store, const StoredState& state) {
-    EXPECT_EQ(state.jobs.at(0).tallies, j.tallies);
+    EXPECT_EQ(state.jobs.at(0).sample_counts, j.sample_counts);
     EXPECT_EQ(state.jobs[0].submitter, expected);
     j.submitter = expected = "alice@somewhere";
     ASSERT_TRUE(store.write(std::vector<Change>{PutJob{j}}).ok());
@@ -415,7 +415,7 @@ TEST(StoreVersions, ColumnsAreFoundByName) {
   j.layers = {"direct", "indirect"};
   j.named_state = NamedState{3};
   j.share = 2.5;
-  j.tallies.rays = 77;
+  j.sample_counts.rays = 77;
   j.submitter = "ann";
   UnitRow u;
   u.id = 5;
@@ -433,7 +433,7 @@ TEST(StoreVersions, ColumnsAreFoundByName) {
     EXPECT_EQ(job.layers, j.layers);
     EXPECT_EQ(job.named_state->film_scale_log2, 3);
     EXPECT_EQ(job.share, j.share);
-    EXPECT_EQ(job.tallies, j.tallies);
+    EXPECT_EQ(job.sample_counts, j.sample_counts);
     EXPECT_EQ(job.submitter, j.submitter);
     const UnitRow& unit = state.unmerged_units.at(0);
     EXPECT_EQ(unit.unit.half, u.unit.half);

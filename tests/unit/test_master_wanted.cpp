@@ -66,10 +66,10 @@ TEST_F(WantedTest, ThreadsHaveAUnitOfWorkEach) {
   for (int i = 0; i < 200; ++i) {
     const auto l = lease("a");
     ASSERT_TRUE(l);
-    film::Tallies tallies;
-    tallies.eye_samples = 64;
+    film::SampleCounts sample_counts;
+    sample_counts.eye_samples = 64;
     const Unit u = unit_of(*l);
-    ASSERT_EQ(deliver(*l, u, tallies, static_cast<double>(u.end - u.begin) / 8), Delivery::ok);
+    ASSERT_EQ(deliver(*l, u, sample_counts, static_cast<double>(u.end - u.begin) / 8), Delivery::ok);
     const std::uint64_t left = 1000 - s->job("j")->row.iterations;
     EXPECT_EQ(s->wanted(now()).threads, std::max<std::uint64_t>((left + 3) / 4, left > 0 ? 1 : 0));
     if (left == 0) break;

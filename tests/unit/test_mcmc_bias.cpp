@@ -54,11 +54,11 @@ std::array<double, kPixels> render(std::uint64_t samples, std::uint64_t seed) {
   });
   PrimarySpace space(target, {1.0 / 1024, 1.0 / 64});
   SplatList list;
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   std::vector<float> values(samples);
   for (std::uint64_t i = 0; i < samples; ++i) {
     space.start(bootstrap_key(seed, i), list);
-    values[i] = static_cast<float>(usable_scalar(list, tallies));
+    values[i] = static_cast<float>(usable_scalar(list, sample_counts));
   }
   chains::BootstrapTable table(samples);
   EXPECT_TRUE(table.insert(0, values).ok());
@@ -75,7 +75,8 @@ std::array<double, kPixels> render(std::uint64_t samples, std::uint64_t seed) {
   std::vector<chains::ChainCounts> counts;
   for (std::uint64_t chain = 0; chain < kChains; ++chain) {
     chains::ChainRecord record;
-    EXPECT_TRUE(run_segment(space, rules, chain, {starts[chain], {}}, {&splatter, tallies}, record).ok());
+    EXPECT_TRUE(
+        run_segment(space, rules, chain, {starts[chain], {}}, {&splatter, sample_counts}, record).ok());
     counts.push_back(record.counts);
   }
   const film::Development development = chains::development(rules.b0, chains::pool(table, counts));

@@ -46,14 +46,14 @@ std::vector<Ends> run_chains(PrimaryTarget& target, double most, std::uint64_t c
       if (choose.next_double() * most < list.scalar()) break;
     }
     Ends one{list.splats()[0].at, {}};
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     chains::ChainRecord record;
     ChainRules rules;
     rules.seed = seed;
     rules.b0 = 1;
     rules.prob_large = prob_large;
     rules.segment_mutations = mutations;
-    const auto done = run_segment(space, rules, chain, {sample++, {}}, {nullptr, tallies}, record);
+    const auto done = run_segment(space, rules, chain, {sample++, {}}, {nullptr, sample_counts}, record);
     EXPECT_TRUE(done.ok());
     EXPECT_TRUE(space.restore(record.state, list).ok());
     one.last = list.splats()[0].at;
@@ -184,7 +184,7 @@ std::vector<std::array<double, 2>> segments(PrimaryTarget& target, double b, Cha
   constexpr int kScale = 30;
   film::UnitFilm film({2, 1, 2}, kScale);
   const transport::Splatter splatter(*filter, film, 2, 1);
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   rules.pixels = 2;
   PrimarySpace space(target, kWide);
   chains::ChainRecord record;
@@ -192,7 +192,7 @@ std::vector<std::array<double, 2>> segments(PrimaryTarget& target, double b, Cha
   for (std::uint64_t i = 0; i < count; ++i) {
     film.clear();
     const chains::ChainStart start{chain, record};
-    EXPECT_TRUE(run_segment(space, rules, chain, start, {&splatter, tallies}, record).ok());
+    EXPECT_TRUE(run_segment(space, rules, chain, start, {&splatter, sample_counts}, record).ok());
     const auto value = [&](std::size_t x) {
       const auto layer = [&](std::size_t l) {
         return std::ldexp(static_cast<double>(film.sums()[(2 * l + x) * film::kChannels]), -kScale);
@@ -298,7 +298,7 @@ TEST(McmcChain, BatchMeansTellTheErrorOfAChain) {
 
 chains::ChainRecord run(PrimaryTarget& target, std::uint64_t mutations, std::uint64_t segments) {
   chains::ChainRecord record;
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   ChainRules rules;
   rules.seed = 5;
   rules.b0 = 1;
@@ -306,7 +306,7 @@ chains::ChainRecord run(PrimaryTarget& target, std::uint64_t mutations, std::uin
   for (std::uint64_t i = 0; i < segments; ++i) {
     PrimarySpace space(target, kWide);  // another process, perhaps
     const chains::ChainStart start{1, record};
-    EXPECT_TRUE(run_segment(space, rules, 77, start, {nullptr, tallies}, record).ok());
+    EXPECT_TRUE(run_segment(space, rules, 77, start, {nullptr, sample_counts}, record).ok());
     const auto copy = chains::decode(chains::encode(record));
     if (!copy.ok()) throw std::runtime_error("a record cannot be read");
     EXPECT_EQ(*copy, record);
@@ -331,7 +331,7 @@ TEST(McmcChain, CutsChangeNothing) {
 // Claim: a start that has no contribution, or counts that are not the job's, are input errors and no crash.
 TEST(McmcChain, RefusesStartsOfOtherJobs) {
   auto target = test::one_dimension();
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   ChainRules rules;
   rules.seed = 5;
   rules.b0 = 1;
@@ -344,18 +344,19 @@ TEST(McmcChain, RefusesStartsOfOtherJobs) {
     if (list.splats().empty()) break;
   }
   chains::ChainRecord record;
-  const auto from_dark = run_segment(space, rules, 0, {dark, {}}, {nullptr, tallies}, record);
+  const auto from_dark = run_segment(space, rules, 0, {dark, {}}, {nullptr, sample_counts}, record);
   ASSERT_FALSE(from_dark.ok());
   EXPECT_EQ(from_dark.error().kind, ErrorKind::input);
   chains::ChainRecord later;
   later.segments = 1;
   later.counts.mutations = 10;
-  EXPECT_FALSE(run_segment(space, rules, 0, {0, later}, {nullptr, tallies}, record).ok()) << "no state";
+  EXPECT_FALSE(run_segment(space, rules, 0, {0, later}, {nullptr, sample_counts}, record).ok()) << "no state";
   PrimaryState state({});
   state.start(bootstrap_key(5, 0));
   later.state = state.save();
   later.counts.mutations = 11;
-  EXPECT_FALSE(run_segment(space, rules, 0, {0, later}, {nullptr, tallies}, record).ok()) << "other counts";
+  EXPECT_FALSE(run_segment(space, rules, 0, {0, later}, {nullptr, sample_counts}, record).ok())
+      << "other counts";
 }
 
 // Claim: proposals that are not finite, or negative, are never accepted, count by their cause, and are not in
@@ -366,7 +367,7 @@ TEST(McmcChain, QuarantinesWhatIsNoNumber) {
     const double value = x < 0.25f ? 1 : x < 0.5f ? NAN : x < 0.75f ? INFINITY : -1;
     return std::pair(value, transport::FilmPosition{x, 0});
   });
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   ChainRules rules;
   rules.seed = 6;
   rules.b0 = 0.25;
@@ -379,10 +380,10 @@ TEST(McmcChain, QuarantinesWhatIsNoNumber) {
     if (list.scalar() == 1) break;
   }
   chains::ChainRecord record;
-  ASSERT_TRUE(run_segment(space, rules, 0, {sample, {}}, {nullptr, tallies}, record).ok());
+  ASSERT_TRUE(run_segment(space, rules, 0, {sample, {}}, {nullptr, sample_counts}, record).ok());
   using film::RejectCause;
   for (const RejectCause cause : {RejectCause::not_a_number, RejectCause::infinite, RejectCause::negative})
-    EXPECT_GT(tallies.rejected[static_cast<std::size_t>(cause)], 100u);
+    EXPECT_GT(sample_counts.rejected[static_cast<std::size_t>(cause)], 100u);
   EXPECT_NEAR(record.counts.large_sum / static_cast<double>(record.counts.large_steps), 0.25, 0.06);
   ASSERT_TRUE(space.restore(record.state, list).ok());
   EXPECT_EQ(list.scalar(), 1);

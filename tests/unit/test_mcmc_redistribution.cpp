@@ -98,13 +98,14 @@ TEST(McmcRedistribution, ToyEIsExact) {
     const auto iterations = static_cast<std::uint64_t>(std::clamp(1.5e6 / work / kSeeds, 300.0, 6000.0));
     for (std::uint64_t i = 0; i < iterations; ++i) {
       PrimarySpace space(std::make_unique<ToyTarget>(), {1.0 / 1024, 1.0 / 16});
-      film::Tallies tallies;
+      film::SampleCounts sample_counts;
       ToyFilm film;
       for (std::uint64_t j = 0; j < kSeeds; ++j) {
         const auto key = [&](std::uint64_t purpose) {
           return rng::key(46, one.mutations, static_cast<std::uint64_t>(one.energy * 10), i, j, purpose);
         };
-        ASSERT_TRUE(redistribute(space, {key(0), key(1), key(2)}, rules, {nullptr, tallies}, film, counts));
+        ASSERT_TRUE(
+            redistribute(space, {key(0), key(1), key(2)}, rules, {nullptr, sample_counts}, film, counts));
       }
       for (std::size_t p = 0; p < pixels.size(); ++p)
         pixels[p].add(film.sums[p] / static_cast<double>(kSeeds * one.mutations));

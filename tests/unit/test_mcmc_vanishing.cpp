@@ -37,7 +37,7 @@ TEST(McmcVanishing, SharesStayThoseOfTheTarget) {
   constexpr double kFirst = 0.4;
   double radius = kFirst;
   auto target = two_parts(radius);
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   ChainRules rules;
   rules.seed = 45;
   rules.b0 = 1.5;
@@ -64,12 +64,12 @@ TEST(McmcVanishing, SharesStayThoseOfTheTarget) {
           ++vanished;
           rules.states_vanish = false;
           chains::ChainRecord unused;
-          refused += run_segment(space, rules, chain, start, {nullptr, tallies}, unused).ok() ? 0 : 1;
+          refused += run_segment(space, rules, chain, start, {nullptr, sample_counts}, unused).ok() ? 0 : 1;
           rules.states_vanish = true;
         }
       }
       chains::ChainRecord after;
-      const auto done = run_segment(space, rules, chain, start, {nullptr, tallies}, after);
+      const auto done = run_segment(space, rules, chain, start, {nullptr, sample_counts}, after);
       ASSERT_TRUE(done.ok()) << done.error().to_string();
       ASSERT_EQ(after.counts.mutations, (segment + 1) * kMutations);
       start.record = after;
@@ -170,7 +170,7 @@ class Parts {
     double inside = 0;
     for (std::uint64_t segment = 0; segment < segments; ++segment) {
       radius_ = radius_at(segment * mutations);
-      const auto done = run_segment(space_, rules, chain, start, {nullptr, tallies_}, record);
+      const auto done = run_segment(space_, rules, chain, start, {nullptr, sample_counts_}, record);
       if (!done.ok()) throw std::runtime_error(done.error().to_string());
       start.record = record;
       if (!space_.restore(record.state, list_).ok()) throw std::runtime_error("a state is lost");
@@ -183,7 +183,7 @@ class Parts {
   double radius_ = 0;
   test::FunctionTarget target_ = two_fixed_parts(radius_);
   PrimarySpace space_{target_, {}};
-  film::Tallies tallies_;
+  film::SampleCounts sample_counts_;
   SplatList list_;
 };
 
@@ -262,7 +262,7 @@ TEST(McmcVanishing, ImageHasTheLightOfItsEpochs) {
     rules.b0 = table.normalisation().b;
     rules.segment_mutations = kMutations;
     rules.states_vanish = true;
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     chains::ChainRecord record;
     double mean = 0, of_chains = 0, of_large_steps = 0;
     for (std::uint64_t segment = 0; segment < kSegments; ++segment) {
@@ -271,7 +271,7 @@ TEST(McmcVanishing, ImageHasTheLightOfItsEpochs) {
       mean += now / kSegments;
       const chains::ChainStart start{1, record};
       const double large_before = static_cast<double>(record.counts.large_steps);
-      ASSERT_TRUE(run_segment(space, rules, 0, start, {nullptr, tallies}, record).ok());
+      ASSERT_TRUE(run_segment(space, rules, 0, start, {nullptr, sample_counts}, record).ok());
       const double each = now / (now / rules.b0 + rules.prob_large),
                    large = static_cast<double>(record.counts.large_steps) - large_before;
       of_chains += each / kSegments;

@@ -43,7 +43,7 @@ struct Job {
     film::UnitFilm unit({kWidth, kHeight, 1}, kFilmScale);
     film::UnitAccumulator matrix(kWidth, kHeight, plan.accumulators[0]);
     film::UnitAccumulator vector(kWidth, kHeight, plan.accumulators[1]);
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     for (std::uint32_t y = 0; y < kHeight; ++y)
       for (std::uint32_t x = 0; x < kWidth; ++x) {
         const std::uint64_t key = rng::key(half, index, x, y);
@@ -51,21 +51,21 @@ struct Job {
         if (gaps && random.next_double() < 0.5) continue;
         const mis::Sums batch = test::mis_batch(problem, random);
         const auto f = static_cast<float>(batch.balance_sum(problem.allocation, 0));
-        unit.add(0, x, y, {f, f / 2, 0}, key, tallies);
-        matrix.add(x, y, 0, std::span(batch.a).first(mis::packed_size(problem.size())), key, tallies);
+        unit.add(0, x, y, {f, f / 2, 0}, key, sample_counts);
+        matrix.add(x, y, 0, std::span(batch.a).first(mis::packed_size(problem.size())), key, sample_counts);
         std::array<double, mis::kColors * mis::kMaxTechniques> b{};
         for (std::size_t i = 0; i < problem.size(); ++i) {
           b[i] = batch.b[0][i];
           b[problem.size() + i] = batch.b[0][i] / 2;
         }
-        vector.add(x, y, 0, std::span(b).first(mis::kColors * problem.size()), key, tallies);
+        vector.add(x, y, 0, std::span(b).first(mis::kColors * problem.size()), key, sample_counts);
       }
-    unit.count(tallies);
+    unit.count(sample_counts);
     film::DeltaWriter writer({{Unit::Kind::iterations, half, index, index + 1}, {}, 0, "j", "b"});
     writer.film(unit);
     writer.accumulator(matrix, 0);
     writer.accumulator(vector, 0);
-    writer.counts(tallies);
+    writer.counts(sample_counts);
     const auto delta = film::Delta::decode(writer.finish(), {{kWidth, kHeight, 1}, plan.accumulators});
     ASSERT_TRUE(delta.ok()) << delta.error().to_string();
     ASSERT_TRUE(film.merge(*delta).ok());

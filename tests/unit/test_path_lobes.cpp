@@ -120,9 +120,10 @@ TEST(DeltaLobes, AreAllThatWalksTake) {
           bool known = false;
           for (std::size_t k = 0; k < lobes.size() && !known; ++k) {
             const DeltaLobe& lobe = lobes[k];
-            known = lobe.wi == sample.wi && lobe.prob == sample.prob && lobe.straight == sample.straight &&
-                    lobe.transmitted == sample.transmitted && lobe.eta == sample.eta &&
-                    lobe.prob_reverse == sample.prob_reverse && lobe.value == sample.weight * sample.prob;
+            known = lobe.wi == sample.wi && lobe.prob == sample.prob &&
+                    lobe.passthrough == sample.passthrough && lobe.transmitted == sample.transmitted &&
+                    lobe.eta == sample.eta && lobe.prob_reverse == sample.prob_reverse &&
+                    lobe.value == sample.weight * sample.prob;
             taken[k] += known;
           }
           EXPECT_TRUE(known) << "a lobe of probability " << sample.prob << " is not listed";
@@ -167,7 +168,7 @@ TEST(TurningLobes, SendWhatAllLobesSend) {
         std::vector<Vec3> directions;
         double all[3] = {};
         for (const DeltaLobe& lobe : delta_lobes(closure, wo, mode)) {
-          if (lobe.straight) continue;
+          if (lobe.passthrough) continue;
           for (std::size_t i = 0; i < 3; ++i)
             all[i] += static_cast<double>(luminance(lobe.value) * weigh(lobe.wi, i));
           bool known = false;

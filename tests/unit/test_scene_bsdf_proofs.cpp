@@ -11,7 +11,7 @@ namespace {
 
 // All statistical tests of this file share one false-alarm rate over seeds; the seeds are fixed.
 constexpr double kFalseAlarm = 1e-4;
-constexpr double kMostTests = 20000;
+constexpr double kMaxTests = 20000;
 
 constexpr double kGlass = 1.5046 / 1.000277;
 
@@ -475,10 +475,10 @@ class BsdfProof : public testing::TestWithParam<BsdfConfiguration> {};
 // sample() has the density pdf_solid_angle() states and chooses delta lobes with `prob` (chi-squared over
 // bins of the sphere, the delta lobes and the refusals); density and probabilities add up to at most 1;
 // weights are value over density; values are reciprocal and each mode the adjoint of the other; no light is
-// made; prob_reverse is what sampling backwards finds; straight() is what straight samples carry; eta, the
+// made; prob_reverse is what sampling backwards finds; passthrough() is what straight samples carry; eta, the
 // flags and the facts are true; nothing is NaN, infinite or negative whatever the directions.
 TEST_P(BsdfProof, Holds) {
-  static_cast<void>(prove_bsdf(GetParam(), kFalseAlarm / kMostTests));
+  static_cast<void>(prove_bsdf(GetParam(), kFalseAlarm / kMaxTests));
 }
 
 INSTANTIATE_TEST_SUITE_P(All, BsdfProof, testing::ValuesIn(configurations()),
@@ -489,7 +489,7 @@ TEST(BsdfProofs, ShareTheFalseAlarmRate) {
   double most = 0;
   for (const BsdfConfiguration& c : configurations())
     most += 2 * 5 * 2 * (4 + static_cast<double>(c.more_cosines.size()));
-  EXPECT_LE(most, kMostTests);
+  EXPECT_LE(most, kMaxTests);
 }
 
 }  // namespace

@@ -466,10 +466,10 @@ TEST(SceneMedia, InterfacesNameTheMediumBeyond) {
   EXPECT_NE(milk, kNone);
   EXPECT_NE(milk, fog);
   EXPECT_EQ(s.medium_beyond(hit, -ray.direction, kNone), fog);
-  EXPECT_EQ(s.straight(hit, -ray.direction), Spectrum(1));
+  EXPECT_EQ(s.passthrough(hit, -ray.direction), Spectrum(1));
   ASSERT_TRUE(s.intersect({{0.1f, 0.2f, 7}, {0, 0, 1}}, hit));
   EXPECT_EQ(s.medium_beyond(hit, {0, 0, 1}, milk), milk);
-  EXPECT_TRUE(s.straight(hit, {0, 0, -1}).is_black());
+  EXPECT_TRUE(s.passthrough(hit, {0, 0, -1}).is_black());
 }
 
 // Claim: an instance carries the media of its group's shapes along.

@@ -80,7 +80,7 @@ TEST(StrictNormals, LightThatPassesByShadingNormalsIsDropped) {
   }
 }
 
-// Claim: what passes straight on is the same, from all sides, by straight() and by samples.
+// Claim: what passes straight on is the same, from all sides, by passthrough() and by samples.
 TEST(StrictNormals, StraightLightStays) {
   const auto scene = square(
       "<bsdf type='mask'><float name='opacity' value='0.25'/><bsdf type='diffuse'/></bsdf>", strict("true"));
@@ -91,13 +91,13 @@ TEST(StrictNormals, StraightLightStays) {
   for (int i = 0; i < 2000; ++i) {
     const Vec3 wo_world = uniform_direction(stream);
     const Vec3 wo = hit.shading.to_local(wo_world);
-    EXPECT_EQ(scene->straight(hit, wo_world), Spectrum(0.75f));
+    EXPECT_EQ(scene->passthrough(hit, wo_world), Spectrum(0.75f));
     ClosureArena arena;
     BsdfSample sample;
     const float lobe = stream.next_float(), x = stream.next_float();
     if (scene->closure(hit, wo, arena)
             .sample(wo, lobe, {x, stream.next_float()}, TransportMode::radiance, sample) &&
-        sample.straight) {
+        sample.passthrough) {
       ++passed;
       EXPECT_EQ(sample.wi, -wo);
     }

@@ -370,10 +370,10 @@ TEST(BsdfBuild, ParametersAndSides) {
   const auto masked = Bsdf::build(*leaf, store);
   ASSERT_TRUE(masked.ok());
   const Closure behind = prepared(*masked, {0, 0, -1});
-  EXPECT_EQ(behind.straight({0, 0, -1}).g, 0.75f);
+  EXPECT_EQ(behind.passthrough({0, 0, -1}).g, 0.75f);
   EXPECT_FALSE(behind.purely_delta());
   const BsdfFacts holed = masked->facts();
-  EXPECT_TRUE(holed.straight && holed.smooth && holed.two_sided && !holed.transmissive);
+  EXPECT_TRUE(holed.passthrough && holed.smooth && holed.two_sided && !holed.transmissive);
   auto mixed = object("bsdf", "blendbsdf", {number("weight", 0.25)});
   mixed->children.push_back({"", object("bsdf", "diffuse", {rgb("reflectance", 1, 0, 0)})});
   mixed->children.push_back({"", object("bsdf", "diffuse", {rgb("reflectance", 0, 1, 0)})});

@@ -15,8 +15,8 @@
 namespace candela::transport {
 namespace {
 
-using LightWalk = Walk<TransportMode::importance, Between::media, Balance>;
-using EyeWalk = Walk<TransportMode::radiance, Between::media, Balance>;
+using LightWalk = Walk<TransportMode::importance, EdgeContent::media, Balance>;
+using EyeWalk = Walk<TransportMode::radiance, EdgeContent::media, Balance>;
 
 // Smoke of two kinds in a ball of rough glass and a smooth one inside it, over a rough floor in thin fog.
 const std::string kBalls = R"(
@@ -54,12 +54,12 @@ struct BothWays {
     if (!y.connectible) return true;
     const MergeFactors eta;
     Contribution a, b;
-    bool found = next_event<Between::media, Balance>(media_tell, walk.draws(), y, eta, a);
-    expect_same(found, a, next_event<Between::media, Balance>(all_traced, walk.draws(), y, eta, b), b);
+    bool found = next_event<EdgeContent::media, Balance>(media_tell, walk.draws(), y, eta, a);
+    expect_same(found, a, next_event<EdgeContent::media, Balance>(all_traced, walk.draws(), y, eta, b), b);
     for (std::uint32_t i = 0; i < light.size(); ++i) {
       if (!light[i].connectible) continue;
-      found = connect<Between::media, Balance>(media_tell, light[i], y, i, eta, a);
-      expect_same(found, a, connect<Between::media, Balance>(all_traced, light[i], y, i, eta, b), b);
+      found = connect<EdgeContent::media, Balance>(media_tell, light[i], y, i, eta, a);
+      expect_same(found, a, connect<EdgeContent::media, Balance>(all_traced, light[i], y, i, eta, b), b);
     }
     return true;
   }
@@ -85,12 +85,12 @@ struct Keeper {
 TEST(BlockedEdges, MediaTellOfWhatRaysFind) {
   const auto scene = test::build_scene(kBalls, {}, kCamera);
   ASSERT_TRUE(scene.ok()) << scene.error().to_string();
-  ASSERT_FALSE((*scene)->features().any_straight);
+  ASSERT_FALSE((*scene)->features().any_passthrough);
   WalkRules rules;
   rules.max_edges = 12;
   rules.rr_depth = 1u << 30;
   const MisFactors factors{1, 1, 1, 1, 1};
-  film::Tallies few, all, unread;
+  film::SampleCounts few, all, unread;
   const ConnectContext media_tell{**scene, factors, rules, few},
       all_traced{**scene, factors, rules, all, reads_emitter_choice(**scene), true};
   samplers::Sampler sampler(samplers::SamplerKind::independent, 5);

@@ -26,7 +26,7 @@ namespace {
 constexpr float kRadius = 0.05f;
 constexpr std::uint32_t kSectors = adaptive::kSectorChannels;
 using Sums = std::array<double, kSectors>;
-using LightWalk = Walk<TransportMode::importance, Between::nothing, Unweighted>;
+using LightWalk = Walk<TransportMode::importance, EdgeContent::nothing, Unweighted>;
 
 // The techniques of follow_light_path(): keeps all photons, and where each path's end.
 struct Keeper {
@@ -96,13 +96,13 @@ void gather(float distance, int trials, std::uint64_t paths, Found& found) {
   const WalkRules rules;
   const MisFactors factors{};
   const MergeScale scale(Kernel::constant, kRadius, kRadius);
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   for (int trial = 0; trial < trials; ++trial) {
     Keeper keeper{scene, {}, {}};
     samplers::Sampler sampler(samplers::SamplerKind::independent, 17);
     for (std::uint64_t path = 0; path < paths; ++path) {
       sampler.start_light(0, static_cast<std::uint64_t>(trial), path);
-      LightWalk walk(scene, rules, factors, sampler, tallies);
+      LightWalk walk(scene, rules, factors, sampler, sample_counts);
       VertexPair<NoBlock> room;
       follow_light_path(walk, room, keeper);
       keeper.ends.push_back(keeper.photons.size());
@@ -170,12 +170,12 @@ TEST(RepeatedHits, AreCountedByPath) {
   eye.edges = 1;
   eye.connectible = true;
   std::vector<Keeper> keepers(3, Keeper{**built, {}, {}});
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   samplers::Sampler sampler(samplers::SamplerKind::independent, 17);
   for (std::uint64_t path = 0; path < 6000; ++path) {
     Keeper& keeper = keepers[path / 2000];
     sampler.start_light(0, 0, path);
-    LightWalk walk(**built, {}, {}, sampler, tallies);
+    LightWalk walk(**built, {}, {}, sampler, sample_counts);
     VertexPair<NoBlock> room;
     if (path % 7 != 0) follow_light_path(walk, room, keeper);
     keeper.photons.end_path();
@@ -203,7 +203,7 @@ TEST(RepeatedHits, AreCountedByPath) {
     MergeMaps<NoBlock> maps;
     maps.surface = &map;
     maps.max_edges = max_edges;
-    film::Tallies counted;
+    film::SampleCounts counted;
     count_repeats(maps, MergeScale(Kernel::constant, kRadius, kRadius), eye, counted);
     EXPECT_EQ(counted.sampled_merges, hits);
     EXPECT_EQ(counted.repeated_merges, repeats);

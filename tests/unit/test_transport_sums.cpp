@@ -244,9 +244,9 @@ TEST(WeightSums, OfThePathTracerAreOne) {
       Techniques techniques = Techniques::none();
       techniques.next_event = direct;
       techniques.hit_light = met;
-      film::Tallies tallies;
-      estimators::PathTracer<Between::nothing, scene::Scene, PathSampler> tracer(*scene, options, techniques,
-                                                                                 sampler, tallies);
+      film::SampleCounts sample_counts;
+      estimators::PathTracer<EdgeContent::nothing, scene::Scene, PathSampler> tracer(
+          *scene, options, techniques, sampler, sample_counts);
       return static_cast<double>(tracer.radiance(ray).r);
     };
     const double a = radiance(true, false, MisHeuristic::balance),

@@ -179,13 +179,13 @@ void expect_edges_make_vertices(const scene::Scene& scene) {
   WalkRules rules;
   rules.max_edges = 8;
   rules.eye_paths = 64 * 64;
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   samplers::Sampler sampler(samplers::SamplerKind::independent, 9);
   std::size_t vertices = 0;
   for (std::uint64_t i = 0; i < 2000; ++i) {
     Crossing last;
-    Walk<kMode, Between::media, BeamBalance, samplers::Sampler, CrossingObserver> walk(
-        scene, rules, factors, sampler, tallies, CrossingObserver(last));
+    Walk<kMode, EdgeContent::media, BeamBalance, samplers::Sampler, CrossingObserver> walk(
+        scene, rules, factors, sampler, sample_counts, CrossingObserver(last));
     using WalkT = decltype(walk);
     if constexpr (kLight) {
       sampler.start_light(0, i, 0);

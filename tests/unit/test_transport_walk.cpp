@@ -32,7 +32,7 @@ const std::string kLens =
     "value=\"0.5\"/><float name=\"focus_distance\" value=\"2\"/></sensor>";
 
 // How many of `walks` meet the lens with their edge number max_edges + 1, which is there for that alone.
-template <Between kBetween>
+template <EdgeContent kEdgeContent>
 int last_edge_meetings(const std::string& body, std::uint32_t max_edges, int walks) {
   const auto scene = test::build_scene(body, {}, kLens);
   EXPECT_TRUE(scene.ok()) << scene.error().to_string();
@@ -43,15 +43,15 @@ int last_edge_meetings(const std::string& body, std::uint32_t max_edges, int wal
   rules.meets_lens = true;
   rules.eye_paths = 64 * 64;
   const MisFactors factors{1, 1, 1, 1, 1};
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   samplers::Sampler sampler(samplers::SamplerKind::independent, 5);
   int meetings = 0;
   Vertex<MisBlock> v;
   scene::ClosureArena arena;
   for (int i = 0; i < walks; ++i) {
     sampler.start_light(0, 0, static_cast<std::uint64_t>(i));
-    using LightWalk = Walk<scene::TransportMode::importance, kBetween, Balance>;
-    LightWalk walk(**scene, rules, factors, sampler, tallies);
+    using LightWalk = Walk<scene::TransportMode::importance, kEdgeContent, Balance>;
+    LightWalk walk(**scene, rules, factors, sampler, sample_counts);
     if (!walk.start_light()) continue;
     for (;;) {
       const auto event = walk.advance(v, arena);
@@ -70,9 +70,9 @@ int last_edge_meetings(const std::string& body, std::uint32_t max_edges, int wal
 TEST(LightWalk, MeetsTheLensStraightThroughASheetWithItsLastEdge) {
   constexpr int kWalks = 200000;
   for (const std::uint32_t max_edges : {1u, 2u}) {
-    const int open = last_edge_meetings<Between::surfaces>(kWallAndLamp, max_edges, kWalks);
-    const int through = last_edge_meetings<Between::surfaces>(kWallAndLamp + kSheet, max_edges, kWalks);
-    const int media = last_edge_meetings<Between::media>(kWallAndLamp + kSheet, max_edges, kWalks);
+    const int open = last_edge_meetings<EdgeContent::surfaces>(kWallAndLamp, max_edges, kWalks);
+    const int through = last_edge_meetings<EdgeContent::surfaces>(kWallAndLamp + kSheet, max_edges, kWalks);
+    const int media = last_edge_meetings<EdgeContent::media>(kWallAndLamp + kSheet, max_edges, kWalks);
     EXPECT_GT(open, 100) << max_edges;
     EXPECT_NEAR(through, open, 5 * std::sqrt(open + through)) << max_edges;
     EXPECT_NEAR(media, open, 5 * std::sqrt(open + media)) << max_edges;
@@ -118,11 +118,11 @@ TEST(EyeWalk, ShowsAnObserverEachStretchOfAMedium) {
   WalkRules rules;
   rules.max_edges = 6;
   const MisFactors factors;
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   samplers::Sampler sampler(samplers::SamplerKind::independent, 5);
   using Observed =
-      Walk<TransportMode::radiance, Between::media, Balance, samplers::Sampler, CountingObserver>;
-  using Plain = Walk<TransportMode::radiance, Between::media, Balance>;
+      Walk<TransportMode::radiance, EdgeContent::media, Balance, samplers::Sampler, CountingObserver>;
+  using Plain = Walk<TransportMode::radiance, EdgeContent::media, Balance>;
   Sightings seen;
   int medium_vertices = 0, passed_whole = 0;
   for (std::uint64_t i = 0; i < 2000; ++i) {
@@ -130,8 +130,8 @@ TEST(EyeWalk, ShowsAnObserverEachStretchOfAMedium) {
     const Ray ray =
         (*scene)->camera_ray(0.3f + 0.4f * static_cast<float>(i % 20) / 20, 0.5f, {0.5f, 0.5f}, weight);
     sampler.start(0, i, 0, 0);
-    Observed walk(**scene, rules, factors, sampler, tallies, CountingObserver{&seen});
-    Plain plain(**scene, rules, factors, sampler, tallies);
+    Observed walk(**scene, rules, factors, sampler, sample_counts, CountingObserver{&seen});
+    Plain plain(**scene, rules, factors, sampler, sample_counts);
     walk.start_eye(ray);
     plain.start_eye(ray);
     Vertex<MisBlock> v, w;
@@ -178,7 +178,7 @@ TEST(EyeWalk, WeightsOfLongWalksInMediaGrowAsTheirVertices) {
   ASSERT_TRUE(scene.ok()) << scene.error().to_string();
   const WalkRules rules;
   const MisFactors factors;
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   samplers::Sampler sampler(samplers::SamplerKind::independent, 5);
   constexpr std::array<std::uint32_t, 4> kLengths{20, 60, 200, 600};
   constexpr std::uint64_t kWalks = 20'000;
@@ -186,7 +186,8 @@ TEST(EyeWalk, WeightsOfLongWalksInMediaGrowAsTheirVertices) {
   std::array<double, 4> weights{};
   for (std::uint64_t i = 0; i < kWalks; ++i) {
     sampler.start(0, i, 0, 0);
-    Walk<TransportMode::radiance, Between::media, Unweighted> walk(**scene, rules, factors, sampler, tallies);
+    Walk<TransportMode::radiance, EdgeContent::media, Unweighted> walk(**scene, rules, factors, sampler,
+                                                                       sample_counts);
     walk.start_eye({{0, 0, 0}, {0, 0, 1}});
     Vertex<NoBlock> v;
     scene::ClosureArena arena;
@@ -220,15 +221,15 @@ TEST(LightWalk, SecondVerticesHaveTheFluenceOfLightScatteredOnce) {
   constexpr std::uint64_t kWalks = 1'000'000;
   const WalkRules rules;
   const MisFactors factors;
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   samplers::Sampler sampler(samplers::SamplerKind::independent, 5);
   double sum = 0, squares = 0;
   scene::ClosureArena arena;
   Vertex<NoBlock> v;
   for (std::uint64_t i = 0; i < kWalks; ++i) {
     sampler.start_light(0, 0, i);
-    Walk<TransportMode::importance, Between::media, Unweighted> walk(**scene, rules, factors, sampler,
-                                                                     tallies);
+    Walk<TransportMode::importance, EdgeContent::media, Unweighted> walk(**scene, rules, factors, sampler,
+                                                                         sample_counts);
     using Event = decltype(walk)::Event;
     ASSERT_TRUE(walk.start_light());
     if (walk.advance(v, arena) != Event::vertex || walk.scatter(v) == decltype(walk)::Step::ended) continue;

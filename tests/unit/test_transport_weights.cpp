@@ -40,12 +40,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-template <Between kBetween>
+template <EdgeContent kEdgeContent>
 void run_all(const scene::Scene& scene, const WalkRules& rules, std::uint64_t pairs, Findings& findings) {
-  PathTest<kBetween, Balance> balance(scene, rules, findings);
-  PathTest<kBetween, Power> power(scene, rules, findings);
-  if constexpr (kBetween == Between::media) {
-    PathTest<kBetween, BeamBalance> beams(scene, rules, findings);
+  PathTest<kEdgeContent, Balance> balance(scene, rules, findings);
+  PathTest<kEdgeContent, Power> power(scene, rules, findings);
+  if constexpr (kEdgeContent == EdgeContent::media) {
+    PathTest<kEdgeContent, BeamBalance> beams(scene, rules, findings);
     for (std::uint64_t i = 0; i < pairs / 2; ++i) beams.run(i);
   }
   for (std::uint64_t i = 0; i < pairs; ++i) {
@@ -166,11 +166,11 @@ TEST_P(SceneWeights, AreThoseOfTheLiteralFormulas) {
   Findings f;
   constexpr std::uint64_t kPairs = 400;
   if (features.media > 0)
-    run_all<Between::media>(**scene, rules, kPairs, f);
-  else if (features.any_straight)
-    run_all<Between::surfaces>(**scene, rules, kPairs, f);
+    run_all<EdgeContent::media>(**scene, rules, kPairs, f);
+  else if (features.any_passthrough)
+    run_all<EdgeContent::surfaces>(**scene, rules, kPairs, f);
   else
-    run_all<Between::nothing>(**scene, rules, kPairs, f);
+    run_all<EdgeContent::nothing>(**scene, rules, kPairs, f);
   const std::string name = label(GetParam());
   std::printf("%zu paths, %zu lost; recursion %.1e, sum %.1e\n", f.paths, f.lost, f.largest_recursion_error,
               f.largest_sum_error);
@@ -217,8 +217,8 @@ TEST(TransportWeights, HoldOnWalksOfAThousandEdges) {
     rules.rr_depth = 1u << 30;
     rules.film_border = 1;
     Findings f;
-    PathTest<Between::media, Balance> balance(**scene, rules, f, 165);
-    PathTest<Between::media, Power> power(**scene, rules, f, 165);
+    PathTest<EdgeContent::media, Balance> balance(**scene, rules, f, 165);
+    PathTest<EdgeContent::media, Power> power(**scene, rules, f, 165);
     for (std::uint64_t i = 0; i < 3; ++i) {
       balance.run(i);
       power.run(i);
@@ -255,7 +255,7 @@ void expect_literal_weights(const scene::Scene& scene, bool values) {
   rules.film_border = 1;
   rules.eye_paths = static_cast<double>(test::kFilmSize) * test::kFilmSize;
   Findings f;
-  run_all<Between::nothing>(scene, rules, 400, f);
+  run_all<EdgeContent::nothing>(scene, rules, 400, f);
   std::printf("%zu paths; recursion %.1e, sum %.1e; weights up to %.1e, values up to %.1e\n", f.paths,
               f.largest_recursion_error, f.largest_sum_error, f.weight.largest, f.value.largest);
   EXPECT_GE(f.paths, 200u);
@@ -336,7 +336,7 @@ TEST(TransportWeights, HoldForALensInFog) {
   rules.film_border = 1;
   rules.eye_paths = 4096;
   Findings f;
-  run_all<Between::media>(**scene, rules, 4000, f);
+  run_all<EdgeContent::media>(**scene, rules, 4000, f);
   std::printf("%zu paths, %zu of them met the lens; weights up to %.1e, values up to %.1e\n", f.paths,
               f.met_lens, f.weight.largest, f.value.largest);
   EXPECT_GE(f.met_lens, 30u);

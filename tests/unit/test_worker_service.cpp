@@ -63,7 +63,7 @@ TEST_F(WorkerServiceTest, NormalFlow) {
     EXPECT_TRUE(merged.merge(*delta).ok());
   }
   EXPECT_EQ(merged.iterations(), 10U);
-  EXPECT_EQ(merged.tallies(0).eye_samples, 10U * 40 * 8);
+  EXPECT_EQ(merged.sample_counts(0).eye_samples, 10U * 40 * 8);
   // x and y are integers, exact at any scale: films that were not cleared between units would show here.
   EXPECT_EQ(merged.develop(0, film::MergedFilm::Which::half0)[(3 * 40 + 17) * 3], 17.0F);
   EXPECT_EQ(merged.develop(0, film::MergedFilm::Which::half0)[(3 * 40 + 17) * 3 + 1], 3.0F);
@@ -82,7 +82,7 @@ TEST_F(WorkerServiceTest, LayersGoWithPilotAndDeltas) {
   const film::Layout layout{40, 8, 3};
   const auto delta = film::Delta::decode(master_.deltas[token], layout);
   ASSERT_TRUE(delta.ok()) << delta.error().to_string();
-  EXPECT_EQ(delta->tallies().light_paths, 2U * 4 * 40 * 8);
+  EXPECT_EQ(delta->sample_counts().light_paths, 2U * 4 * 40 * 8);
   film::MergedFilm merged(layout, 12);
   ASSERT_TRUE(merged.merge(*delta).ok());
   for (std::uint32_t layer = 0; layer < 3; ++layer)
@@ -159,7 +159,7 @@ TEST_F(WorkerServiceTest, TablesGoAsDeltas) {
   EXPECT_EQ(delta->info().unit.begin, 40U);
   ASSERT_EQ(delta->table().size(), 10U);
   EXPECT_EQ(delta->table()[3], 43.0F);
-  EXPECT_EQ(delta->tallies().rejected[0], 1U);
+  EXPECT_EQ(delta->sample_counts().rejected[0], 1U);
 }
 
 // Claim: a master of another protocol or build ends the worker with the master's own words, and is not asked

@@ -68,7 +68,7 @@ TEST_F(WorkerServiceStop, CutUnitsBringWhatIsDone) {
   EXPECT_LT(blocks.back().end, 10U);
   const auto delta = film::Delta::decode(master_.deltas[token], {{40, 8, 1}, {}});
   ASSERT_TRUE(delta.ok()) << delta.error().to_string();
-  EXPECT_EQ(delta->tallies().eye_samples, 40U * 8U * blocks.back().end);
+  EXPECT_EQ(delta->sample_counts().eye_samples, 40U * 8U * blocks.back().end);
 }
 
 // Claim: a unit of segments that is to be cut short ends after the segments under way, though its end is far:
@@ -112,7 +112,7 @@ TEST_F(WorkerServiceStop, CutUnitsBringTheFirstSegments) {
   ASSERT_TRUE(delta.ok()) << delta.error().to_string();
   EXPECT_EQ(delta->info().unit.kind, Unit::Kind::segments);
   EXPECT_EQ(delta->info().unit.end, end);
-  EXPECT_EQ(delta->tallies().eye_samples, 40U * 8U * end);
+  EXPECT_EQ(delta->sample_counts().eye_samples, 40U * 8U * end);
 }
 
 // Claim: a unit that would take long to the end of its iteration, and has not rendered for so long yet, is

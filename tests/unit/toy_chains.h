@@ -97,24 +97,24 @@ class ToyRenderer final : public render::Renderer {
                             const render::RunContext& context) const {
     const auto starts = input.starts;
     film::UnitFilm& film = *output.film;
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     for (std::uint64_t i = unit.begin; i < unit.end; ++i) {
       const std::uint64_t chain = chains::chain_of(unit.half, i, toy_.plan.chains);
       if (starts[i - unit.begin].record.segments != chains::segment_of(i, toy_.plan.chains))
         return input_error("a start of another segment");
       const chains::ChainRecord& start = starts[i - unit.begin].record;
-      output.records.push_back(
-          segment(chain, starts[i - unit.begin], step_of(input), input.state.bootstrap_b, film, tallies));
+      output.records.push_back(segment(chain, starts[i - unit.begin], step_of(input), input.state.bootstrap_b,
+                                       film, sample_counts));
       if (!output.accumulators.empty())
         count_small_steps(start.counts, output.records.back().counts, rng::key(seed_, 5, chain, i),
-                          *output.accumulators[0], tallies);
+                          *output.accumulators[0], sample_counts);
       std::this_thread::sleep_for(per_segment_);
       if (context.stop != nullptr && *context.stop) return refused_error("stopped");
       if (context.progress != nullptr)
         *context.progress =
             static_cast<float>(i + 1 - unit.begin) / static_cast<float>(unit.end - unit.begin);
     }
-    film.count(tallies);
+    film.count(sample_counts);
     return {};
   }
   Result<std::string> plan_text() const override { return std::string("a toy"); }
@@ -127,9 +127,9 @@ class ToyRenderer final : public render::Renderer {
     return std::min(static_cast<std::uint32_t>(u * pixels_), pixels_ - 1);
   }
   void splat(film::UnitFilm& film, std::uint32_t layer, std::uint32_t p, double value, std::uint64_t key,
-             film::Tallies& tallies) const {
+             film::SampleCounts& sample_counts) const {
     const auto v = static_cast<float>(value);
-    film.splat(layer, p % width_, p / width_, {v, v, v}, key, tallies);
+    film.splat(layer, p % width_, p / width_, {v, v, v}, key, sample_counts);
   }
   // The decided one, if the job has epochs.
   double step_of(const render::UnitInput& input) const {
@@ -140,17 +140,18 @@ class ToyRenderer final : public render::Renderer {
   }
   // Proposed and accepted ones of a segment, into the only entry of a table.
   static void count_small_steps(const chains::ChainCounts& before, const chains::ChainCounts& after,
-                                std::uint64_t key, film::UnitAccumulator& table, film::Tallies& tallies) {
+                                std::uint64_t key, film::UnitAccumulator& table,
+                                film::SampleCounts& sample_counts) {
     const auto small = [](std::uint64_t all, std::uint64_t large) {
       return static_cast<double>(all - large);
     };
     const std::array<double, 2> counts{
         small(after.mutations - before.mutations, after.large_steps - before.large_steps),
         small(after.accepted - before.accepted, after.large_accepted - before.large_accepted)};
-    table.splat(0, 0, 0, counts, key, tallies);
+    table.splat(0, 0, 0, counts, key, sample_counts);
   }
   chains::ChainRecord segment(std::uint64_t chain, const chains::ChainStart& start, double step, double b0,
-                              film::UnitFilm& film, film::Tallies& tallies) const {
+                              film::UnitFilm& film, film::SampleCounts& sample_counts) const {
     chains::ChainRecord record = start.record;
     chains::ChainCounts& c = record.counts;
     double u = start_of(start.bootstrap_sample);
@@ -166,18 +167,18 @@ class ToyRenderer final : public render::Renderer {
       v -= std::floor(v);
       const double now = toy_.f(pixel(u)), then = toy_.f(pixel(v));
       ++c.mutations;
-      ++tallies.eye_samples;
+      ++sample_counts.eye_samples;
       if (large) {
         ++c.large_steps;
         c.large_sum += then;
         c.large_square_sum += then * then;
         splat(film, 1, pixel(v), toy_.g(pixel(v)) * pixels_ / (mutations * kLargeStep),
-              rng::key(seed_, 3, chain, m), tallies);
+              rng::key(seed_, 3, chain, m), sample_counts);
       }
       const double accept = !(b0 > 0) ? 0 : now > 0 ? std::min(1.0, then / now) : 1;
       if (b0 > 0) {
-        splat(film, 0, pixel(v), accept * unit, rng::key(seed_, 1, chain, m), tallies);
-        splat(film, 0, pixel(u), (1 - accept) * unit, rng::key(seed_, 2, chain, m), tallies);
+        splat(film, 0, pixel(v), accept * unit, rng::key(seed_, 1, chain, m), sample_counts);
+        splat(film, 0, pixel(u), (1 - accept) * unit, rng::key(seed_, 2, chain, m), sample_counts);
       }
       const bool moved = stream.next_double() < accept;
       if (moved) {
@@ -193,7 +194,7 @@ class ToyRenderer final : public render::Renderer {
       }
     }
     splat(film, 2, static_cast<std::uint32_t>(chain) % pixels_, 1, rng::key(seed_, 4, chain, record.segments),
-          tallies);
+          sample_counts);
     ++record.segments;
     record.state.assign(sizeof u + chain % 7 + toy_.state_bytes, 's');
     std::memcpy(record.state.data(), &u, sizeof u);

@@ -31,11 +31,11 @@ struct Chain {
   const WeightedVertex& operator[](std::size_t i) const { return slots[i]->v; }
 };
 
-template <Between kBetween, class Heuristic>
+template <EdgeContent kEdgeContent, class Heuristic>
 class PathTest {
  public:
-  using EyeWalk = Walk<TransportMode::radiance, kBetween, Heuristic>;
-  using LightWalk = Walk<TransportMode::importance, kBetween, Heuristic>;
+  using EyeWalk = Walk<TransportMode::radiance, kEdgeContent, Heuristic>;
+  using LightWalk = Walk<TransportMode::importance, kEdgeContent, Heuristic>;
 
   // every: ends of subpaths that are looked at, those with a multiple of so many edges.
   PathTest(const scene::Scene& scene, const WalkRules& rules, Findings& findings, std::uint32_t every = 1)
@@ -57,7 +57,7 @@ class PathTest {
     for (std::uint32_t m = 0; m < scene_.features().media; ++m) merges_.push_back(merges_in(counts_, m));
     factors_.medium = merges_.data();
     eta_field_.counts = counts_;
-    const ConnectContext c{scene_, factors_, rules_, tallies_};
+    const ConnectContext c{scene_, factors_, rules_, sample_counts_};
     samplers::Sampler eye_sampler(samplers::SamplerKind::independent, 7);
     samplers::Sampler light_sampler(samplers::SamplerKind::independent, 7);
     eye_sampler.start(0, index, 0, 0);
@@ -78,7 +78,7 @@ class PathTest {
     if (!scene_.pdf_camera(ray.origin, ray.direction, camera_, rules_.film_border)) return;
     lens_near_ = ray.origin;
     eta_ = eta_field_.at({x, y});
-    EyeWalk walk(scene_, rules_, factors_, sampler, tallies_);
+    EyeWalk walk(scene_, rules_, factors_, sampler, sample_counts_);
     walk.start_eye(ray);
     std::uint32_t parent = scene::kNone;
     for (;;) {
@@ -136,7 +136,7 @@ class PathTest {
                       std::uint32_t last) {
     const Slot& here = *slots[last];
     Contribution found;
-    if (!next_event<kBetween, Heuristic>(c, test::draws_of(here, sampler), here.v, eta_, found, &terms_))
+    if (!next_event<kEdgeContent, Heuristic>(c, test::draws_of(here, sampler), here.v, eta_, found, &terms_))
       return;
     list_.clear();
     list_.add(terms_.next);
@@ -170,7 +170,7 @@ class PathTest {
   }
 
   void walk_light(const ConnectContext& c, samplers::Sampler& sampler, Slots& slots) {
-    LightWalk walk(scene_, light_rules_, factors_, sampler, tallies_);
+    LightWalk walk(scene_, light_rules_, factors_, sampler, sample_counts_);
     if (!walk.start_light()) return;
     origin_ = walk.origin();
     std::uint32_t parent = scene::kNone;
@@ -229,8 +229,8 @@ class PathTest {
     const Slot& here = *slots[last];
     FilmPosition film;
     Contribution found;
-    if (!connect_lens<kBetween, Heuristic>(c, test::draws_of(here, sampler), here.v, eta_field_, film, found,
-                                           &terms_))
+    if (!connect_lens<kEdgeContent, Heuristic>(c, test::draws_of(here, sampler), here.v, eta_field_, film,
+                                               found, &terms_))
       return;
     list_.clear();
     list_.add(terms_.next);
@@ -255,7 +255,7 @@ class PathTest {
         !y.connectible || z.edges + y.edges + 1 > rules_.max_edges)
       return;
     Contribution found;
-    if (!connect<kBetween, Heuristic>(c, z, y, 13, eta_, found, &terms_)) return;
+    if (!connect<kEdgeContent, Heuristic>(c, z, y, 13, eta_, found, &terms_)) return;
     list_.clear();
     list_.add_side(Chain{light}, z, terms_.light_step, terms_.light_reverse);
     list_.add_side(Chain{eye}, y, terms_.eye_step, terms_.eye_reverse);
@@ -321,7 +321,8 @@ class PathTest {
         findings_.merge_weight.add(relative_difference(weights[i], weight) - evaluation.rounding(), kTight,
                                    fmt::format("merge s={} k={} weight {:.9g} oracle {:.9g}", s,
                                                path.edge_count(), weight, weights[i]));
-      if (kBetween != Between::nothing) return;  // what a medium or a surface takes is not in the photon
+      if (kEdgeContent != EdgeContent::nothing)
+        return;  // what a medium or a surface takes is not in the photon
       const auto value = evaluation.estimator_value(techniques[i]);
       const auto kernel = static_cast<double>(scale.disc.value(0));
       const double error = std::max({std::abs(value[0] * kernel - static_cast<double>(whole.r)),
@@ -453,7 +454,7 @@ class PathTest {
   std::uint32_t every_;
   const bool by_path_ =
       scene_.objects().path_edits != nullptr;  // edits whose values the oracle does not know
-  film::Tallies tallies_;
+  film::SampleCounts sample_counts_;
   TechniqueList list_;
   WeightTerms terms_;
   scene::CameraDensity camera_;

@@ -61,9 +61,9 @@ struct Sums {
 template <class Mis>
 class SumTest {
  public:
-  static constexpr Between kBetween = Between::media;
-  using EyeWalk = Walk<TransportMode::radiance, kBetween, Mis, samplers::Sampler, CrossingObserver>;
-  using LightWalk = Walk<TransportMode::importance, kBetween, Mis, LedSampler, test::FlightLeader>;
+  static constexpr EdgeContent kEdgeContent = EdgeContent::media;
+  using EyeWalk = Walk<TransportMode::radiance, kEdgeContent, Mis, samplers::Sampler, CrossingObserver>;
+  using LightWalk = Walk<TransportMode::importance, kEdgeContent, Mis, LedSampler, test::FlightLeader>;
 
   SumTest(const scene::Scene& scene, const Weighing& weighing, std::uint32_t max_edges, double tolerance,
           Sums& sums)
@@ -83,7 +83,7 @@ class SumTest {
 
   // All paths that one eye's walk makes: those that end at light it meets, and those to a point light.
   void run(std::uint64_t index) {
-    const ConnectContext c{scene_, factors_, eye_rules_, tallies_};
+    const ConnectContext c{scene_, factors_, eye_rules_, sample_counts_};
     samplers::Sampler sampler(samplers::SamplerKind::independent, 19);
     sampler.start(0, index, 0, 0);
     rng::Stream stream(rng::key(23, index));
@@ -95,7 +95,7 @@ class SumTest {
     u_lens_ = u_lens;
     eta_ = w_.field.at({x, y});
     Crossing last;
-    EyeWalk walk(scene_, eye_rules_, factors_, sampler, tallies_, CrossingObserver(last));
+    EyeWalk walk(scene_, eye_rules_, factors_, sampler, sample_counts_, CrossingObserver(last));
     walk.start_eye(ray);
     eye_.clear();
     eye_edges_.clear();
@@ -199,7 +199,7 @@ class SumTest {
     Vec3d target;
     bool in_medium = false;
     Crossing last;
-    LightWalk walk(scene_, light_rules_, factors_, sampler, tallies_,
+    LightWalk walk(scene_, light_rules_, factors_, sampler, sample_counts_,
                    test::FlightLeader(scene_, sampler, last, target, in_medium));
     if (!walk.start_light()) return false;
     origin_ = walk.origin();
@@ -232,7 +232,7 @@ class SumTest {
     for (int passes = 0; passes < 8; ++passes) {
       const auto event = walk.advance(beyond.v, beyond.arena);
       if (walk.lens().met) {
-        const ConnectContext c{scene_, factors_, light_rules_, tallies_};
+        const ConnectContext c{scene_, factors_, light_rules_, sample_counts_};
         FilmPosition film;
         const double weight = hit_lens(c, walk, w_.field, film).weight;
         sum += weight;
@@ -248,8 +248,8 @@ class SumTest {
 
   bool add_joints(const Light& light, double& sum, std::string& what) {
     const Techniques& t = w_.techniques;
-    const ConnectContext eye{scene_, factors_, eye_rules_, tallies_},
-        from_light{scene_, factors_, light_rules_, tallies_};
+    const ConnectContext eye{scene_, factors_, eye_rules_, sample_counts_},
+        from_light{scene_, factors_, light_rules_, sample_counts_};
     Contribution found;
     LedSampler sampler;
     const auto add = [&](const char* name, double weight) {
@@ -259,22 +259,23 @@ class SumTest {
     };
     if (t.next_event && !delta_[1] && eye_at(1).connectible) {
       if (test::lead_direct(scene_, eye_at(1), light.emitter, light.p, sampler) > 1e-5) return false;
-      if (!next_event<kBetween, Mis>(eye, test::draws_of(sampler), eye_at(1), eta_, found)) return false;
+      if (!next_event<kEdgeContent, Mis>(eye, test::draws_of(sampler), eye_at(1), eta_, found)) return false;
       add("next_event", found.weight);
     }
     for (std::size_t s = 2; s < k_ && t.connect; ++s) {
       if (delta_[s - 1] || delta_[s]) continue;
       std::uint64_t key = 1;
       // Few connections in media are drawn by the key.
-      while (key < 200 && !connect<kBetween, Mis>(eye, light_at(s - 1), eye_at(s), key, eta_, found)) ++key;
+      while (key < 200 && !connect<kEdgeContent, Mis>(eye, light_at(s - 1), eye_at(s), key, eta_, found))
+        ++key;
       if (key == 200) return false;
       add("connect", found.weight);
     }
     if (t.light_image && !delta_[k_ - 1]) {
       sampler.point = u_lens_;
       FilmPosition film;
-      if (!connect_lens<kBetween, Mis>(from_light, test::draws_of(sampler), light_at(k_ - 1), w_.field, film,
-                                       found))
+      if (!connect_lens<kEdgeContent, Mis>(from_light, test::draws_of(sampler), light_at(k_ - 1), w_.field,
+                                           film, found))
         return false;
       add("light_image", found.weight);
     }
@@ -385,7 +386,7 @@ class SumTest {
   WalkRules eye_rules_, light_rules_;
   const double tolerance_;
   Sums& sums_;
-  film::Tallies tallies_;
+  film::SampleCounts sample_counts_;
   MergeFactors eta_;
   scene::CameraDensity camera_;
   Vec2 u_lens_;

@@ -117,27 +117,27 @@ class FakeRenderer final : public render::Renderer {
       for (const auto& [name, bytes] : input.states) control_.states[name] = std::string(bytes);
     }
     film::UnitFilm& film = *output.film;
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     if (control_.overflow) {
       const auto most = static_cast<float>(std::ldexp(film::kMaxContribution, -film.scale_log2()));
-      for (std::uint64_t i = 0; i < 256; ++i) film.add(0, 0, 0, {most, most, most}, i, tallies);
+      for (std::uint64_t i = 0; i < 256; ++i) film.add(0, 0, 0, {most, most, most}, i, sample_counts);
     }
     for (std::uint64_t i = done.begin; i < done.end; ++i)
       for (std::uint32_t y = 0; y < settings_.height; ++y)
         for (std::uint32_t x = 0; x < settings_.width; ++x) {
           const std::uint64_t key = rng::key(settings_.seed, unit.half, i, x, y);
-          film.add(0, x, y, fake_radiance(x, y, i), key, tallies);
+          film.add(0, x, y, fake_radiance(x, y, i), key, sample_counts);
           for (std::uint32_t layer = 1; layer <= layer_names_.size(); ++layer) {
             auto value = fake_radiance(x, y, i);
             for (float& v : value) v *= static_cast<float>(layer);
-            film.splat(layer, x, y, value, key, tallies);
+            film.splat(layer, x, y, value, key, sample_counts);
           }
           for (const auto& sums : output.accumulators)
-            sums->add(x, y, 0, std::array<double, 2>{1, static_cast<double>(x)}, key, tallies);
-          ++tallies.eye_samples;
-          tallies.light_paths += layer_names_.size();
+            sums->add(x, y, 0, std::array<double, 2>{1, static_cast<double>(x)}, key, sample_counts);
+          ++sample_counts.eye_samples;
+          sample_counts.light_paths += layer_names_.size();
         }
-    film.count(tallies);
+    film.count(sample_counts);
     return {};
   }
   Result<std::string> plan_text() const override { return std::string("a plan"); }

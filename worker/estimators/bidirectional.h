@@ -46,9 +46,9 @@ struct OneTechnique {
 };
 
 // A configuration for images: all techniques, numbers of a sampler.
-template <transport::Between kB, class MisT, class SinkT, bool kL = false>
+template <transport::EdgeContent kB, class MisT, class SinkT, bool kL = false>
 struct BidirectionalConfig {
-  static constexpr transport::Between kBetween = kB;
+  static constexpr transport::EdgeContent kEdgeContent = kB;
   static constexpr bool kLists = kL;
   using Mis = MisT;
   using Sampler = samplers::Sampler;
@@ -74,8 +74,8 @@ struct EditedSubpaths {
 template <class Sink>
 concept RecordsPaths = Sink::kRecordsPaths;
 
-// Config: kBetween; kEdits, which may be left out: with EditedSubpaths; kLetters, likewise: with letters for
-// layers by expressions, which kernels for media always have; Mis; kLists: heuristics that need all
+// Config: kEdgeContent; kEdits, which may be left out: with EditedSubpaths; kLetters, likewise: with letters
+// for layers by expressions, which kernels for media always have; Mis; kLists: heuristics that need all
 // densities, Mis is Balance then; Sampler; Choice: one of the above; Sink, with
 //   eye(contribution, s, t)              techniques of t >= 2: along the eye's ray
 //   sum()                                of these, so far
@@ -88,30 +88,30 @@ concept RecordsPaths = Sink::kRecordsPaths;
 template <class Config>
 class Bidirectional {
  public:
-  static constexpr transport::Between kBetween = Config::kBetween;
+  static constexpr transport::EdgeContent kEdgeContent = Config::kEdgeContent;
   static constexpr bool kLists = Config::kLists;
   static constexpr bool kRecords = RecordsPaths<typename Config::Sink>;
   static constexpr bool kMollifies = Mollifying<Config>;
   static constexpr bool kEdits = requires { requires Config::kEdits; };
-  static constexpr bool kLetters = kBetween == transport::Between::media || requires {
+  static constexpr bool kLetters = kEdgeContent == transport::EdgeContent::media || requires {
     requires Config::kLetters;
   };
   using Mis = typename Config::Mis;
   using Sampler = typename Config::Sampler;
   using Sink = typename Config::Sink;
   using Choice = typename Config::Choice;
-  using EyeWalk = transport::Walk<scene::TransportMode::radiance, kBetween, Mis, Sampler>;
-  using LightWalk = transport::Walk<scene::TransportMode::importance, kBetween, Mis, Sampler>;
+  using EyeWalk = transport::Walk<scene::TransportMode::radiance, kEdgeContent, Mis, Sampler>;
+  using LightWalk = transport::Walk<scene::TransportMode::importance, kEdgeContent, Mis, Sampler>;
   using Vertex = typename EyeWalk::Vertex;
 
   Bidirectional(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
-                const PathCounts& counts, Sink& sink, film::Tallies& tallies,
+                const PathCounts& counts, Sink& sink, film::SampleCounts& sample_counts,
                 const transport::PathLetters* letters = nullptr)
       : scene_(scene),
         options_(options),
         techniques_(techniques),
         sink_(sink),
-        tallies_(tallies),
+        sample_counts_(sample_counts),
         factors_(mis_factors<Mis>(techniques, counts)),
         eye_rules_(eye_rules(options, techniques, counts)),
         light_rules_(light_rules(options, techniques, counts)),
@@ -124,10 +124,10 @@ class Bidirectional {
 
   // The light path of the sampler, kept.
   void trace_light(Sampler& sampler) {
-    ++tallies_.light_paths;
+    ++sample_counts_.light_paths;
     light_states_.clear();
     if constexpr (kMollifies) mollified_.clear_light();
-    LightWalk walk(scene_, light_rules_, factors_, sampler, tallies_);
+    LightWalk walk(scene_, light_rules_, factors_, sampler, sample_counts_);
     LightSide at{*this, light_context_};
     transport::follow_light_path(walk, light_, at);
   }
@@ -150,7 +150,7 @@ class Bidirectional {
     if constexpr (kEdits) edits_.begin_eye();
     if (reads_letters()) eye_letters_->begin(sampler.sample_key(), ray);
     if constexpr (kMollifies) mollified_.eye_started(eye_context_, ray);
-    EyeWalk walk(scene_, eye_rules_, factors_, sampler, tallies_);
+    EyeWalk walk(scene_, eye_rules_, factors_, sampler, sample_counts_);
     EyeSide at{{}, *this, eye_context_};
     transport::follow_eye_path(walk, ray, eye_, at);
   }
@@ -189,12 +189,12 @@ class Bidirectional {
   const PathOptions& options_;
   const Techniques& techniques_;
   Sink& sink_;
-  film::Tallies& tallies_;
+  film::SampleCounts& sample_counts_;
   Choice choice_;
   transport::MisFactors factors_;
   transport::WalkRules eye_rules_, light_rules_;
-  const transport::ConnectContext eye_context_{scene_, factors_, eye_rules_, tallies_};
-  const transport::ConnectContext light_context_{scene_, factors_, light_rules_, tallies_};
+  const transport::ConnectContext eye_context_{scene_, factors_, eye_rules_, sample_counts_};
+  const transport::ConnectContext light_context_{scene_, factors_, light_rules_, sample_counts_};
   transport::Subpath<typename Mis::Block> light_, eye_;
   transport::WeightTerms terms_;
   transport::TechniqueList list_;
@@ -249,8 +249,8 @@ struct Bidirectional<Config>::LightSide {
     transport::FilmPosition film;
     transport::Contribution found;
     if (e.techniques_.light_image && v.connectible && s >= e.options_.min_edges && e.choice_.wants(s, 1) &&
-        transport::connect_lens<kBetween, Mis>(context, walk.draws(), v, transport::ConstantEta{}, film,
-                                               found, e.wanted_terms(), e.wanted_towards())) {
+        transport::connect_lens<kEdgeContent, Mis>(context, walk.draws(), v, transport::ConstantEta{}, film,
+                                                   found, e.wanted_terms(), e.wanted_towards())) {
       if constexpr (kEdits) found.value *= e.edits_.light_share(e.light_.size(), v);
       if constexpr (kLists) {
         e.list_.clear();
@@ -321,12 +321,12 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
     if (!e.choice_.wants(1, v.edges + 1)) return;
     if constexpr (kEdits) {
       const auto next_event = [&] {
-        return transport::next_event<kBetween, Mis>(context, walk.draws(), v, {}, found, e.wanted_terms(),
-                                                    &e.towards_);
+        return transport::next_event<kEdgeContent, Mis>(context, walk.draws(), v, {}, found, e.wanted_terms(),
+                                                        &e.towards_);
       };
       if (!e.edits_.light_directly(e.eye_.size(), v, next_event, found, e.towards_)) return;
-    } else if (!transport::next_event<kBetween, Mis>(context, walk.draws(), v, {}, found, e.wanted_terms(),
-                                                     e.wanted_towards())) {
+    } else if (!transport::next_event<kEdgeContent, Mis>(context, walk.draws(), v, {}, found,
+                                                         e.wanted_terms(), e.wanted_towards())) {
       return;
     }
     if constexpr (kLists) {
@@ -340,15 +340,15 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
     if (e.reads_letters()) e.eye_letters_->lit(e.sink_.sum(), v, e.towards_);
   }
   void connect_all(const EyeWalk& walk, const Vertex& v) {
-    const std::uint64_t passage = transport::passage_key<kBetween>(walk.draws());
+    const std::uint64_t passage = transport::passage_key<kEdgeContent>(walk.draws());
     transport::Contribution found;
     for (std::uint32_t i = 0; i < e.light_.size(); ++i) {
       const Vertex& z = e.light_[i];
       if (!z.connectible || z.edges + v.edges + 1 > e.eye_rules_.max_edges) continue;
       if (!e.choice_.wants(z.edges + 1, v.edges + 1)) continue;
       if constexpr (kEdits) e.edits_.join(i, z, e.eye_.size(), v);
-      if (!transport::connect<kBetween, Mis>(context, z, v, rng::combine(passage, i + 1), {}, found,
-                                             e.wanted_terms()))
+      if (!transport::connect<kEdgeContent, Mis>(context, z, v, rng::combine(passage, i + 1), {}, found,
+                                                 e.wanted_terms()))
         continue;
       if constexpr (kEdits) found.value *= e.edits_.light_share(i, z) * e.edits_.eye_share(e.eye_.size(), v);
       if constexpr (kLists) {

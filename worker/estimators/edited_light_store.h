@@ -16,7 +16,7 @@ struct EditedNoStore : NoStore {
 
   template <class Block>
   static void keep(const scene::Scene& /*scene*/, const transport::Vertex<Block>& /*v*/, bool /*last*/,
-                   bool /*by_specular*/, film::Tallies& /*tallies*/,
+                   bool /*by_specular*/, film::SampleCounts& /*sample_counts*/,
                    const transport::ChannelStates* /*states*/, const scene::EditedWalk& /*walk*/) {}
 };
 
@@ -46,9 +46,10 @@ struct EditedLightStore {
 
   // As LightStore; walk: at v.
   void keep(const scene::Scene& scene, const transport::Vertex<Block>& v, bool last, bool by_specular,
-            film::Tallies& tallies, const transport::ChannelStates* states, const scene::EditedWalk& walk) {
+            film::SampleCounts& sample_counts, const transport::ChannelStates* states,
+            const scene::EditedWalk& walk) {
     const std::size_t surface = store.surface.size(), medium = store.medium.size();
-    store.keep(scene, v, last, by_specular, tallies, states);
+    store.keep(scene, v, last, by_specular, sample_counts, states);
     if (store.surface.size() > surface) chunk.surface.keep(walk);
     if (store.medium.size() > medium) chunk.medium.keep(walk);
     if (store.keeping.vertices && !last) chunk.vertices.keep(walk);

@@ -52,7 +52,7 @@ struct EyeRadiance : transport::EyeTechniques {
 };
 
 // The same as a function of rays. The scene and the options outlive it.
-template <transport::Between kBetween>
+template <transport::EdgeContent kEdgeContent>
 class EyeRadianceFunction {
  public:
   EyeRadianceFunction(const scene::Scene& scene, const PathOptions& options)
@@ -62,11 +62,11 @@ class EyeRadianceFunction {
         factors_(mis_factors<transport::Balance>(techniques(), {})),
         chooses_emitter_(transport::reads_emitter_choice(scene)) {}
 
-  Spectrum operator()(const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies,
+  Spectrum operator()(const Ray& ray, samplers::Sampler& sampler, film::SampleCounts& sample_counts,
                       transport::EyeLetters* letters = nullptr) const {
-    using EyeWalk = transport::Walk<transport::TransportMode::radiance, kBetween, transport::Balance>;
-    const transport::ConnectContext context{scene_, factors_, rules_, tallies, chooses_emitter_};
-    EyeWalk walk(scene_, rules_, factors_, sampler, tallies);
+    using EyeWalk = transport::Walk<transport::TransportMode::radiance, kEdgeContent, transport::Balance>;
+    const transport::ConnectContext context{scene_, factors_, rules_, sample_counts, chooses_emitter_};
+    EyeWalk walk(scene_, rules_, factors_, sampler, sample_counts);
     transport::VertexPair<transport::MisBlock> room;
     EyeRadiance<EyeWalk> at(context, min_edges_, letters);
     transport::follow_eye_path(walk, ray, room, at);

@@ -33,7 +33,7 @@ struct NoStore {
   static void crossed(const Walk& /*walk*/, const transport::ChannelStates* /*states*/) {}
   template <class Block>
   static void keep(const scene::Scene& /*scene*/, const transport::Vertex<Block>& /*v*/, bool /*last*/,
-                   bool /*by_specular*/, film::Tallies& /*tallies*/,
+                   bool /*by_specular*/, film::SampleCounts& /*sample_counts*/,
                    const transport::ChannelStates* /*states*/) {}
 };
 
@@ -57,12 +57,12 @@ struct LightStore {
   // v is connectible. last: no edge may come between it and the lens. by_specular: the vertex before was left
   // by a delta lobe. states: of the letters before v, for all vertices or none.
   void keep(const scene::Scene& scene, const transport::Vertex<Block>& v, bool last, bool by_specular,
-            film::Tallies& tallies, const transport::ChannelStates* states = nullptr) {
+            film::SampleCounts& sample_counts, const transport::ChannelStates* states = nullptr) {
     const bool photons = v.on_surface() ? keeping.surface_photons : keeping.medium_photons;
     if (photons && (by_specular || !keeping.caustics_only)) {
       const bool kept = v.on_surface() ? surface.keep(scene, v, false, states)
                                        : medium.keep(scene, v, keeping.survivals, states);
-      if (!kept) ++tallies.rejected[static_cast<std::size_t>(film::RejectCause::not_a_number)];
+      if (!kept) ++sample_counts.rejected[static_cast<std::size_t>(film::RejectCause::not_a_number)];
     }
     if (keeping.vertices && !last) vertices.keep(v, states);
   }

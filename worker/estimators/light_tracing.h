@@ -28,12 +28,12 @@ struct LightEdits : scene::EditedWalk {
       : scene::EditedWalk(*scene.objects().path_edits, Store::kKeeps) {}
 };
 
-template <transport::Between kBetween, class Mis, class Store, transport::EtaField Eta>
+template <transport::EdgeContent kEdgeContent, class Mis, class Store, transport::EtaField Eta>
 class LightTracing {
  public:
   static constexpr bool kEdits = requires { requires std::remove_cv_t<Store>::kEdits; };
-  using LightWalk = transport::Walk<transport::TransportMode::importance, kBetween, Mis, samplers::Sampler,
-                                    typename Store::Observer>;
+  using LightWalk = transport::Walk<transport::TransportMode::importance, kEdgeContent, Mis,
+                                    samplers::Sampler, typename Store::Observer>;
   using Vertex = typename LightWalk::Vertex;
 
   // All by reference but the options: they outlive the estimator. image_layer: of the film, which has the
@@ -41,7 +41,7 @@ class LightTracing {
   // expressions.
   LightTracing(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
                const PathCounts& counts, const Eta& eta, const transport::Splatter& splatter, Store& store,
-               film::Tallies& tallies, std::uint32_t image_layer = 0,
+               film::SampleCounts& sample_counts, std::uint32_t image_layer = 0,
                const transport::PathLetters* letters = nullptr)
       : scene_(scene),
         factors_(mis_factors<Mis>(techniques, counts)),
@@ -51,16 +51,16 @@ class LightTracing {
         eta_(eta),
         splatter_(splatter),
         store_(store),
-        tallies_(tallies),
+        sample_counts_(sample_counts),
         image_layer_(image_layer),
         edits_(scene) {
-    if (transport::reads_letters<kBetween>(letters)) letters_.emplace(*letters);
+    if (transport::reads_letters<kEdgeContent>(letters)) letters_.emplace(*letters);
   }
 
   // The light path of the sampler.
   void operator()(std::uint64_t /*path*/, samplers::Sampler& sampler) {
     by_specular_ = false;
-    LightWalk walk(scene_, rules_, factors_, sampler, tallies_, store_.observer());
+    LightWalk walk(scene_, rules_, factors_, sampler, sample_counts_, store_.observer());
     transport::follow_light_path(walk, room_, *this);
     crossed(walk);
   }
@@ -78,9 +78,9 @@ class LightTracing {
     if constexpr (kEdits) value *= edits_.share_at_eye();
     if (reads_letters())
       splatter_.splat_labelled(letters_->letters(), letters_->met_lens(), film, value, rng::combine(key, 2),
-                               tallies_);
+                               sample_counts_);
     else
-      splatter_.splat(0, film, value, rng::combine(key, 2), tallies_);
+      splatter_.splat(0, film, value, rng::combine(key, 2), sample_counts_);
   }
   bool vertex(const LightWalk& walk, std::conditional_t<kEdits, Vertex, const Vertex>& v, std::uint64_t key) {
     crossed(walk);
@@ -95,25 +95,25 @@ class LightTracing {
     const bool last = v.edges >= rules_.max_edges;
     const transport::ChannelStates* const states = reads_letters() ? &letters_->states() : nullptr;
     if constexpr (kEdits)
-      store_.keep(scene_, v, last, by_specular_, tallies_, states, edits_);
+      store_.keep(scene_, v, last, by_specular_, sample_counts_, states, edits_);
     else
-      store_.keep(scene_, v, last, by_specular_, tallies_, states);
+      store_.keep(scene_, v, last, by_specular_, sample_counts_, states);
     transport::FilmPosition film;
     transport::Contribution found;
     transport::Towards towards;
     if (light_image_ &&
-        transport::connect_lens<kBetween, Mis>(context_, walk.draws(), v, eta_, film, found, nullptr,
-                                               reads_letters() ? &towards : nullptr)) {
+        transport::connect_lens<kEdgeContent, Mis>(context_, walk.draws(), v, eta_, film, found, nullptr,
+                                                   reads_letters() ? &towards : nullptr)) {
       Spectrum value = found.weighted() * each_;
       if constexpr (kEdits) {
         if (!v.on_surface()) value *= edits_.medium_share();
       }
       const bool kept =
           reads_letters() ? splatter_.splat_labelled(letters_->letters(), letters_->connected(v, towards.wi),
-                                                     film, value, rng::combine(key, 3), tallies_)
-                          : splatter_.splat(0, film, value, rng::combine(key, 3), tallies_);
+                                                     film, value, rng::combine(key, 3), sample_counts_)
+                          : splatter_.splat(0, film, value, rng::combine(key, 3), sample_counts_);
       if (kept && image_layer_ != 0)
-        splatter_.splat(image_layer_, film, value, rng::combine(key, 3), tallies_);
+        splatter_.splat(image_layer_, film, value, rng::combine(key, 3), sample_counts_);
     }
     return true;
   }
@@ -130,7 +130,9 @@ class LightTracing {
   void crossed(const LightWalk& walk) {
     store_.crossed(walk, reads_letters() ? &letters_->states() : nullptr);
   }
-  bool reads_letters() const { return transport::reads_letters<kBetween>(letters_ ? &*letters_ : nullptr); }
+  bool reads_letters() const {
+    return transport::reads_letters<kEdgeContent>(letters_ ? &*letters_ : nullptr);
+  }
 
   const scene::Scene& scene_;
   const transport::MisFactors factors_;
@@ -140,8 +142,8 @@ class LightTracing {
   const Eta& eta_;
   const transport::Splatter& splatter_;
   Store& store_;
-  film::Tallies& tallies_;
-  const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
+  film::SampleCounts& sample_counts_;
+  const transport::ConnectContext context_{scene_, factors_, rules_, sample_counts_};
   transport::VertexPair<typename Mis::Block> room_;
   bool by_specular_ = false;
   const std::uint32_t image_layer_;

@@ -74,10 +74,10 @@ class MollifyingListSink : public ListSink {
 };
 
 // Bidirectional for chains. ChoiceT: see there.
-template <transport::Between kB, class ChoiceT, bool kM = false, bool kE = false>
+template <transport::EdgeContent kB, class ChoiceT, bool kM = false, bool kE = false>
 struct ListConfig {
   static constexpr bool kEdits = kE;
-  static constexpr transport::Between kBetween = kB;
+  static constexpr transport::EdgeContent kEdgeContent = kB;
   static constexpr bool kLists = false;
   static constexpr bool kMollifies = kM;
   using Mis = transport::Balance;

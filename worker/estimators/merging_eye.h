@@ -74,7 +74,7 @@ struct NoBeams {
 // the vertices of one light path, and by merging with the photons of all; all weighted against each other.
 // Beams: NoBeams, or what merges with beams and in media (integrators/upbp). kEditsT: with edits that select
 // by more of the path than the vertex (edited_subpaths.h); its side has theirs.
-template <transport::Between kBetween, class MisT, transport::ScaleField Field,
+template <transport::EdgeContent kEdgeContent, class MisT, transport::ScaleField Field,
           class StatisticsT = transport::NoStatistics, class Beams = NoBeams, bool kEditsT = false>
 class VcmEye : public transport::EyeTechniques {
  public:
@@ -82,21 +82,22 @@ class VcmEye : public transport::EyeTechniques {
   using Mis = MisT;
   using Block = typename Mis::Block;
   using Statistics = StatisticsT;
-  using EyeWalk = transport::Walk<transport::TransportMode::radiance, kBetween, Mis, samplers::Sampler,
+  using EyeWalk = transport::Walk<transport::TransportMode::radiance, kEdgeContent, Mis, samplers::Sampler,
                                   typename Beams::Observer>;
   using Vertex = typename EyeWalk::Vertex;
   using Side = typename Beams::template Side<Block, Field>;
 
   VcmEye(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
-         const PathCounts& counts, const Side& side, const Statistics& statistics, film::Tallies& tallies)
+         const PathCounts& counts, const Side& side, const Statistics& statistics,
+         film::SampleCounts& sample_counts)
       : scene_(scene),
         options_(options),
         techniques_(techniques),
         factors_(mis_factors<Mis>(techniques, counts)),
         rules_(eye_rules(options, techniques, counts)),
         side_(side),
-        tallies_(tallies),
-        letters_(transport::eye_letters<kBetween>(side.letters)),
+        sample_counts_(sample_counts),
+        letters_(transport::eye_letters<kEdgeContent>(side.letters)),
         gather_(scene, side.maps, statistics, letters_ ? &*letters_ : nullptr, merge_edits<kEdits>(side)),
         beams_(scene, options, side, letters_ ? &*letters_ : nullptr),
         edits_(scene) {}
@@ -115,7 +116,7 @@ class VcmEye : public transport::EyeTechniques {
     loaded_ = false;
     if (reads_letters()) letters_->begin(sampler.sample_key(), ray);
     if constexpr (kEdits) edits_.begin_eye();
-    EyeWalk walk(scene_, rules_, factors_, sampler, tallies_, beams_.observer());
+    EyeWalk walk(scene_, rules_, factors_, sampler, sample_counts_, beams_.observer());
     transport::follow_eye_path(walk, ray, room_, *this);
     crossed(walk);
     merge();
@@ -160,7 +161,7 @@ class VcmEye : public transport::EyeTechniques {
     if constexpr (kEdits) gather_.edits().start(edits_.eye_walk(place_));
     if (v.connectible) start(v);
     if constexpr (Statistics::kCollects)
-      if (v.connectible && counts_repeats_) transport::count_repeats(side_.maps, *scale_, v, tallies_);
+      if (v.connectible && counts_repeats_) transport::count_repeats(side_.maps, *scale_, v, sample_counts_);
     return true;
   }
   bool scattered(const EyeWalk& walk, const Vertex& v) {
@@ -171,7 +172,9 @@ class VcmEye : public transport::EyeTechniques {
   void passed() { merge(); }  // the next vertex takes this one's place
 
  private:
-  bool reads_letters() const { return transport::reads_letters<kBetween>(letters_ ? &*letters_ : nullptr); }
+  bool reads_letters() const {
+    return transport::reads_letters<kEdgeContent>(letters_ ? &*letters_ : nullptr);
+  }
 
   // The steps of merging.
   void prefetch(const Vertex& v) const {
@@ -201,13 +204,13 @@ class VcmEye : public transport::EyeTechniques {
                       transport::Towards& towards) {
     if constexpr (kEdits) {
       const auto next_event = [&] {
-        return transport::next_event<kBetween, Mis>(context_, walk.draws(), v, eta_, found, nullptr,
-                                                    &towards);
+        return transport::next_event<kEdgeContent, Mis>(context_, walk.draws(), v, eta_, found, nullptr,
+                                                        &towards);
       };
       return edits_.light_directly(place_, v, next_event, found, towards);
     } else {
-      return transport::next_event<kBetween, Mis>(context_, walk.draws(), v, eta_, found, nullptr,
-                                                  reads_letters() ? &towards : nullptr);
+      return transport::next_event<kEdgeContent, Mis>(context_, walk.draws(), v, eta_, found, nullptr,
+                                                      reads_letters() ? &towards : nullptr);
     }
   }
   // The first vertex that connects asks for the longest light paths.
@@ -226,13 +229,13 @@ class VcmEye : public transport::EyeTechniques {
   }
   void connect_all(const EyeWalk& walk, const Vertex& v) {
     if (!loaded_) load(v);
-    const std::uint64_t passage = transport::passage_key<kBetween>(walk.draws());
+    const std::uint64_t passage = transport::passage_key<kEdgeContent>(walk.draws());
     transport::Contribution found;
     for (std::uint32_t i = 0; i < light_.size(); ++i) {
       const Vertex& z = light_[i];
       if (z.edges + v.edges + 1 > options_.max_depth) break;
       if constexpr (kEdits) edits_.join(i, z, place_, v);
-      if (!transport::connect<kBetween, Mis>(context_, z, v, rng::combine(passage, i + 1), eta_, found))
+      if (!transport::connect<kEdgeContent, Mis>(context_, z, v, rng::combine(passage, i + 1), eta_, found))
         continue;
       if constexpr (kEdits) found.value *= edits_.light_share(i, z) * edits_.eye_share(place_, v);
       add_connected(found.weighted());
@@ -246,13 +249,13 @@ class VcmEye : public transport::EyeTechniques {
   const transport::MisFactors factors_;
   const transport::WalkRules rules_;
   const Side& side_;
-  film::Tallies& tallies_;
-  const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
+  film::SampleCounts& sample_counts_;
+  const transport::ConnectContext context_{scene_, factors_, rules_, sample_counts_};
   transport::VertexPair<Block> room_;
   transport::Subpath<Block> light_;
   std::optional<transport::EyeLetters> letters_;
   std::vector<transport::ChannelStates> light_states_;  // of light_
-  transport::Gather<Mis, Statistics, Block, kBetween == transport::Between::media, MergeEdits<kEdits>>
+  transport::Gather<Mis, Statistics, Block, kEdgeContent == transport::EdgeContent::media, MergeEdits<kEdits>>
       gather_;
   [[no_unique_address]] Beams beams_;
   [[no_unique_address]] SubpathEdits<kEdits> edits_;
@@ -281,7 +284,7 @@ struct PpmWalk {
 // density above kSharpDensity. All else that a vertex scatters is estimated by merging where it is met: so
 // the walk ends there. Each path is found in one way, since the density is a function of the vertex and both
 // directions.
-template <transport::Between kBetween, transport::ScaleField Field,
+template <transport::EdgeContent kEdgeContent, transport::ScaleField Field,
           class StatisticsT = transport::NoStatistics, bool kEditsT = false>
 class PpmEye : public transport::EyeTechniques {
  public:
@@ -289,20 +292,20 @@ class PpmEye : public transport::EyeTechniques {
   using Mis = transport::Unweighted;
   using Block = typename Mis::Block;
   using Statistics = StatisticsT;
-  using EyeWalk = transport::Walk<transport::TransportMode::radiance, kBetween, Mis>;
+  using EyeWalk = transport::Walk<transport::TransportMode::radiance, kEdgeContent, Mis>;
   using Vertex = typename EyeWalk::Vertex;
 
   PpmEye(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
          const PathCounts& counts, const LightSide<Block, Field>& side, const Statistics& statistics,
-         film::Tallies& tallies)
+         film::SampleCounts& sample_counts)
       : scene_(scene),
         options_(options),
         techniques_(techniques),
         rules_(eye_rules(options, techniques, counts)),
         side_(side),
-        tallies_(tallies),
+        sample_counts_(sample_counts),
         walk_{std::isfinite(side.maps.max_density)},
-        letters_(transport::eye_letters<kBetween>(side.letters)),
+        letters_(transport::eye_letters<kEdgeContent>(side.letters)),
         gather_(scene, side.maps, statistics, letters_ ? &*letters_ : nullptr, merge_edits<kEdits>(side)),
         edits_(scene) {}
 
@@ -332,7 +335,7 @@ class PpmEye : public transport::EyeTechniques {
     sum_ = merged_ = {};
     if (reads_letters()) letters_->begin(sampler.sample_key(), ray);
     if constexpr (kEdits) edits_.begin_eye();
-    EyeWalk walk(scene_, rules_, factors_, sampler, tallies_);
+    EyeWalk walk(scene_, rules_, factors_, sampler, sample_counts_);
     transport::follow_eye_path(walk, ray, room_, *this);
     return sum_;
   }
@@ -360,7 +363,7 @@ class PpmEye : public transport::EyeTechniques {
     if (!v.connectible) return true;
     gather_.start(v);
     if constexpr (Statistics::kCollects)
-      if (counts_repeats_) transport::count_repeats(side_.maps, *scale_, v, tallies_);
+      if (counts_repeats_) transport::count_repeats(side_.maps, *scale_, v, sample_counts_);
     merged_ += gather_.finish(sum_);
     return walk_.goes_on(v);
   }
@@ -371,7 +374,9 @@ class PpmEye : public transport::EyeTechniques {
   }
 
  private:
-  bool reads_letters() const { return transport::reads_letters<kBetween>(letters_ ? &*letters_ : nullptr); }
+  bool reads_letters() const {
+    return transport::reads_letters<kEdgeContent>(letters_ ? &*letters_ : nullptr);
+  }
 
   const scene::Scene& scene_;
   const PathOptions& options_;
@@ -379,12 +384,12 @@ class PpmEye : public transport::EyeTechniques {
   const transport::MisFactors factors_;
   const transport::WalkRules rules_;
   const LightSide<Block, Field>& side_;
-  film::Tallies& tallies_;
+  film::SampleCounts& sample_counts_;
   const PpmWalk walk_;
-  const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
+  const transport::ConnectContext context_{scene_, factors_, rules_, sample_counts_};
   transport::VertexPair<Block> room_;
   std::optional<transport::EyeLetters> letters_;
-  transport::Gather<Mis, Statistics, Block, kBetween == transport::Between::media, MergeEdits<kEdits>>
+  transport::Gather<Mis, Statistics, Block, kEdgeContent == transport::EdgeContent::media, MergeEdits<kEdits>>
       gather_;
   [[no_unique_address]] SubpathEdits<kEdits> edits_;
   // The path under way.

@@ -128,7 +128,7 @@ class MollifiedPaths {
   }
   template <class SamplerT>
   static std::uint64_t passage(const transport::VertexDraws<SamplerT>& draws, std::uint64_t word) {
-    return rng::combine(transport::passage_key<transport::Between::media>(draws), word);
+    return rng::combine(transport::passage_key<transport::EdgeContent::media>(draws), word);
   }
   static void scattered(const scene::Scene& scene, const transport::ScatterPoint& v,
                         transport::SubpathString& string, Start& from) {

@@ -68,13 +68,14 @@ struct NoMollifier {};
 // (docs/integrators/path.md, "Shadow rays"). With a mollifier delta lobes are connected to lights that no ray
 // meets (transport/regularise.h). kEdits: with edits that select by more of the path than the vertex, whose
 // walk, at its start, is the constructor's last argument.
-template <transport::Between kBetween, class SceneT, class SamplerT, class FirstT = NoFirstVertex,
+template <transport::EdgeContent kEdgeContent, class SceneT, class SamplerT, class FirstT = NoFirstVertex,
           bool kLetters = false, bool kMollifies = false, bool kEdits = false>
 class PathTracer {
  public:
   PathTracer(const SceneT& scene, const PathOptions& options, const Techniques& techniques, SamplerT& sampler,
-             film::Tallies& tallies, FirstT* first = nullptr, const scene::LightGroups* groups = nullptr,
-             transport::EyeLetters* letters = nullptr, scene::EditedWalk* edits = nullptr)
+             film::SampleCounts& sample_counts, FirstT* first = nullptr,
+             const scene::LightGroups* groups = nullptr, transport::EyeLetters* letters = nullptr,
+             scene::EditedWalk* edits = nullptr)
       : scene_(scene),
         options_(options),
         hit_light_(techniques.hit_light),
@@ -83,7 +84,7 @@ class PathTracer {
         power_(options.heuristic == transport::MisHeuristic::power),
         chooses_emitter_(transport::reads_emitter_choice(scene)),
         sampler_(sampler),
-        tallies_(tallies),
+        sample_counts_(sample_counts),
         first_(first),
         groups_(groups),
         letters_(letters),
@@ -101,13 +102,13 @@ class PathTracer {
     // vertices that scatter: passing straight does not.
     while (depth_ <= options_.max_depth && follow_stretch())
       block_ += kMedia ? transport::path_block::kMediaBlock : transport::path_block::kBlock;
-    tallies_.rays += rays_;
+    sample_counts_.rays += rays_;
     return sum_;
   }
 
  private:
-  static constexpr bool kPasses = kBetween != transport::Between::nothing,
-                        kMedia = kBetween == transport::Between::media;
+  static constexpr bool kPasses = kEdgeContent != transport::EdgeContent::nothing,
+                        kMedia = kEdgeContent == transport::EdgeContent::media;
   static constexpr bool kFirst = FirstT::kActive;
   static constexpr bool kGroups = std::is_same_v<SceneT, scene::Scene>;
   static constexpr scene::TransportMode kMode = scene::TransportMode::radiance;
@@ -146,8 +147,8 @@ class PathTracer {
     if (hit_light_ && hit.emitter != scene::kNone && depth_ >= options_.min_edges) add_emitted(hit);
     if (depth_ == options_.max_depth) {  // light may still arrive straight through
       if constexpr (kPasses) {
-        throughput_ *= scene_.straight(hit, -ray_.direction);
-        return !throughput_.is_black() && pass_straight(hit);
+        throughput_ *= scene_.passthrough(hit, -ray_.direction);
+        return !throughput_.is_black() && pass_through(hit);
       }
       return false;
     }
@@ -262,7 +263,7 @@ class PathTracer {
     throughput_ *= next.weight;
     if (throughput_.is_black()) return false;
     if constexpr (kPasses) {
-      if (next.straight) return pass_straight(hit);
+      if (next.passthrough) return pass_through(hit);
     }
     eta_scale_ *= next.eta * next.eta;
     // At the first vertex of FirstT nobody plays: a bsdf ray that ended would be a failure of another
@@ -411,7 +412,7 @@ class PathTracer {
         stream = rng::Stream(rng::key(std::bit_cast<std::uint32_t>(u.x), std::bit_cast<std::uint32_t>(u.y)));
         through = scene_.medium_beyond(here, light.wi, through);
       }
-      value *= passing<kBetween>(scene_, light.shadow_ray, through, stream, rays_);
+      value *= passing<kEdgeContent>(scene_, light.shadow_ray, through, stream, rays_);
     } else {
       ++rays_;
       if (scene_.occluded(light.shadow_ray)) value = {};
@@ -493,11 +494,11 @@ class PathTracer {
   void note_bound() {
     if (bounded_ || !transport::kPathRoulette.binds(throughput_.max_component() * eta_scale_)) return;
     bounded_ = true;
-    ++tallies_.bounded_walks;
+    ++sample_counts_.bounded_walks;
   }
 
   // On through a surface that changes nothing but the throughput. False: the ray does not get on.
-  bool pass_straight(const scene::SurfaceHit& hit) {
+  bool pass_through(const scene::SurfaceHit& hit) {
     if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
     ray_ = spawn_ray(hit, ray_.direction);
     return ++passes_ < transport::kMaxPasses;
@@ -509,7 +510,7 @@ class PathTracer {
   const PathOptions& options_;
   const bool hit_light_, next_event_, weighs_, power_, chooses_emitter_;
   SamplerT& sampler_;
-  film::Tallies& tallies_;
+  film::SampleCounts& sample_counts_;
   [[maybe_unused]] FirstT* const first_;
   [[maybe_unused]] const scene::LightGroups* const groups_;
   [[maybe_unused]] transport::EyeLetters* const letters_;  // of this path, if they are read

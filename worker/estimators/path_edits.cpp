@@ -7,24 +7,24 @@ namespace candela::estimators {
 template <class SamplerT>
 Spectrum path_radiance_with_edits(const scene::Scene& scene, const PathOptions& options,
                                   const Techniques& techniques, const Ray& ray, SamplerT& sampler,
-                                  film::Tallies& tallies, const scene::LightGroups* /*groups*/,
+                                  film::SampleCounts& sample_counts, const scene::LightGroups* /*groups*/,
                                   transport::EyeLetters* letters) {
   scene::EditedWalk walk(*scene.objects().path_edits);
   walk.begin_at_eye();
-  constexpr transport::Between kBetween = transport::Between::media;
+  constexpr transport::EdgeContent kEdgeContent = transport::EdgeContent::media;
   if (letters != nullptr)
-    return PathTracer<kBetween, scene::Scene, SamplerT, NoFirstVertex, true, false, true>(
-               scene, options, techniques, sampler, tallies, nullptr, nullptr, letters, &walk)
+    return PathTracer<kEdgeContent, scene::Scene, SamplerT, NoFirstVertex, true, false, true>(
+               scene, options, techniques, sampler, sample_counts, nullptr, nullptr, letters, &walk)
         .radiance(ray);
-  return PathTracer<kBetween, scene::Scene, SamplerT, NoFirstVertex, false, false, true>(
-             scene, options, techniques, sampler, tallies, nullptr, nullptr, nullptr, &walk)
+  return PathTracer<kEdgeContent, scene::Scene, SamplerT, NoFirstVertex, false, false, true>(
+             scene, options, techniques, sampler, sample_counts, nullptr, nullptr, nullptr, &walk)
       .radiance(ray);
 }
 template Spectrum path_radiance_with_edits(const scene::Scene&, const PathOptions&, const Techniques&,
-                                           const Ray&, samplers::Sampler&, film::Tallies&,
+                                           const Ray&, samplers::Sampler&, film::SampleCounts&,
                                            const scene::LightGroups*, transport::EyeLetters*);
 template Spectrum path_radiance_with_edits(const scene::Scene&, const PathOptions&, const Techniques&,
-                                           const Ray&, mcmc::PrimarySampler&, film::Tallies&,
+                                           const Ray&, mcmc::PrimarySampler&, film::SampleCounts&,
                                            const scene::LightGroups*, transport::EyeLetters*);
 
 }  // namespace candela::estimators

@@ -5,10 +5,10 @@
 namespace candela::estimators {
 
 template <class SamplerT>
-RadianceFunction<SamplerT> path_radiance_with_letters(transport::Between between) {
+RadianceFunction<SamplerT> path_radiance_with_letters(transport::EdgeContent between) {
   return path_radiance_between<SamplerT, true>(between);
 }
-template RadianceFunction<samplers::Sampler> path_radiance_with_letters(transport::Between);
-template RadianceFunction<mcmc::PrimarySampler> path_radiance_with_letters(transport::Between);
+template RadianceFunction<samplers::Sampler> path_radiance_with_letters(transport::EdgeContent);
+template RadianceFunction<mcmc::PrimarySampler> path_radiance_with_letters(transport::EdgeContent);
 
 }  // namespace candela::estimators

@@ -40,10 +40,11 @@ class Tracer {
     radiance_ = estimators::path_radiance_with_letters<samplers::Sampler>(planned.between);
   }
 
-  Spectrum operator()(const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) const {
+  Spectrum operator()(const Ray& ray, samplers::Sampler& sampler, film::SampleCounts& sample_counts) const {
     transport::EyeLetters letters(letters_);
     letters.begin(sampler.sample_key(), ray);
-    const Spectrum all = radiance_(scene_, options_, techniques_, ray, sampler, tallies, nullptr, &letters);
+    const Spectrum all =
+        radiance_(scene_, options_, techniques_, ray, sampler, sample_counts, nullptr, &letters);
     if (!selects_) return all;
     Spectrum before, chosen;
     for (const transport::LabelledSum& sum : letters.sums().sums()) {
@@ -93,10 +94,10 @@ class Mapper {
   MapRow row(std::uint32_t y) const {
     MapRow out;
     samplers::Sampler sampler(samplers::SamplerKind::independent, session_.settings().seed);
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     for (std::uint32_t x = 0; x < request_.width; ++x) {
       Vec3d sum;
-      for (std::uint64_t i = 0; i < request_.spp; ++i) add_sample(x, y, i, sampler, tallies, sum, out);
+      for (std::uint64_t i = 0; i < request_.spp; ++i) add_sample(x, y, i, sampler, sample_counts, sum, out);
       const Vec3d mean = sum * (1 / static_cast<double>(request_.spp));
       for (const double v : {mean.x, mean.y, mean.z}) out.rgb.push_back(static_cast<float>(v));
     }
@@ -105,7 +106,7 @@ class Mapper {
 
  private:
   void add_sample(std::uint32_t x, std::uint32_t y, std::uint64_t index, samplers::Sampler& sampler,
-                  film::Tallies& tallies, Vec3d& sum, MapRow& out) const {
+                  film::SampleCounts& sample_counts, Vec3d& sum, MapRow& out) const {
     sampler.start(0, index, x, y);
     sampler.set_dimension(0);
     const Vec2 at = sampler.next_2d(), on_disk = sampler.next_2d();
@@ -120,7 +121,7 @@ class Mapper {
       out.other_medium = true;
       return;
     }
-    const Spectrum value = trace_(ray, sampler, tallies);
+    const Spectrum value = trace_(ray, sampler, sample_counts);
     if (!is_finite(value)) {
       ++out.not_finite;
       return;
@@ -217,7 +218,7 @@ std::vector<float> preview(const Session& session, std::uint32_t width, std::uin
   const auto row = [&](std::uint64_t y) {
     std::vector<float> out;
     samplers::Sampler sampler(samplers::SamplerKind::sobol, job.seed);
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     for (std::uint32_t x = 0; x < width; ++x) {
       Vec3d sum;
       for (std::uint64_t i = 0; i < spp; ++i) {
@@ -228,7 +229,7 @@ std::vector<float> preview(const Session& session, std::uint32_t width, std::uin
         const Ray ray = session.scene().camera_ray(
             (static_cast<float>(x) + u.x) * step_x, (static_cast<float>(y) + u.y) * step_y,
             session.scene().reads_lens() ? sampler.next_2d() : Vec2{0.5f, 0.5f}, response);
-        const Spectrum value = trace(ray, sampler, tallies) * response;
+        const Spectrum value = trace(ray, sampler, sample_counts) * response;
         if (is_finite(value)) sum += as_double(value);
       }
       for (const double v : {sum.x, sum.y, sum.z})

@@ -18,7 +18,7 @@
 
 namespace candela::integrators {
 
-// Runs body(tile_x0, tile_y0, tile_x1, tile_y1, tallies) for every tile of the film, as for_each_task.
+// Runs body(tile_x0, tile_y0, tile_x1, tile_y1, sample_counts) for every tile of the film, as for_each_task.
 template <class Body>
 Result<void> for_each_tile(std::uint32_t width, std::uint32_t height, film::UnitFilm& film,
                            const RunContext& run, const Body& body, ProgressSpan span = {}) {
@@ -27,10 +27,10 @@ Result<void> for_each_tile(std::uint32_t width, std::uint32_t height, film::Unit
   const std::uint32_t tiles_y = (height + kTile - 1) / kTile;
   return for_each_task(
       std::uint64_t{tiles_x} * tiles_y, film, run,
-      [&](std::uint64_t tile, film::Tallies& tallies) {
+      [&](std::uint64_t tile, film::SampleCounts& sample_counts) {
         const auto x0 = static_cast<std::uint32_t>(tile % tiles_x) * kTile;
         const auto y0 = static_cast<std::uint32_t>(tile / tiles_x) * kTile;
-        body(x0, y0, std::min(x0 + kTile, width), std::min(y0 + kTile, height), tallies);
+        body(x0, y0, std::min(x0 + kTile, width), std::min(y0 + kTile, height), sample_counts);
       },
       span);
 }
@@ -59,9 +59,9 @@ inline EyeRay eye_ray(const UnitContext& context, std::uint32_t x, std::uint32_t
 // One eye sample: filter position, camera ray, radiance.
 template <class Radiance>
 Spectrum eye_sample(const UnitContext& context, std::uint32_t x, std::uint32_t y, samplers::Sampler& sampler,
-                    film::Tallies& tallies, const Radiance& radiance) {
+                    film::SampleCounts& sample_counts, const Radiance& radiance) {
   const EyeRay sample = eye_ray(context, x, y, sampler);
-  return radiance(sample.ray, sampler, tallies) * sample.weight;
+  return radiance(sample.ray, sampler, sample_counts) * sample.weight;
 }
 
 // A radiance, and the part of it that belongs to film layer 1, too.
@@ -77,15 +77,16 @@ inline Spectrum& value_of(ValueWithPart& found) {
   return found.value;
 }
 
-// radiance(ray, sampler, tallies, letters[, iteration]), a Spectrum or a ValueWithPart: letters, of the path,
-// are null where nobody asks for layers; iteration: of the job.
+// radiance(ray, sampler, sample_counts, letters[, iteration]), a Spectrum or a ValueWithPart: letters, of the
+// path, are null where nobody asks for layers; iteration: of the job.
 template <class Radiance>
 Result<void> run_eye_samples(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
                              const RunContext& run, const Radiance& radiance) {
   const bool signed_values = context.filter.has_negative_lobes();
   return for_each_tile(
       context.width, context.height, film, run,
-      [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1, film::Tallies& tallies) {
+      [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
+          film::SampleCounts& sample_counts) {
         samplers::Sampler sampler(context.sampler, context.seed);
         std::optional<transport::EyeLetters> letters;
         if (context.letters != nullptr) letters.emplace(*context.letters);
@@ -100,24 +101,26 @@ Result<void> run_eye_samples(const UnitContext& context, const Unit& unit, film:
               auto found = [&] {
                 transport::EyeLetters* const of_path = letters ? &*letters : nullptr;
                 if constexpr (std::is_invocable_v<const Radiance&, const Ray&, samplers::Sampler&,
-                                                  film::Tallies&, transport::EyeLetters*, std::uint64_t>)
-                  return radiance(sample.ray, sampler, tallies, of_path, global_iteration(unit.half, index));
+                                                  film::SampleCounts&, transport::EyeLetters*, std::uint64_t>)
+                  return radiance(sample.ray, sampler, sample_counts, of_path,
+                                  global_iteration(unit.half, index));
                 else
-                  return radiance(sample.ray, sampler, tallies, of_path);
+                  return radiance(sample.ray, sampler, sample_counts, of_path);
               }() * sample.weight;
               constexpr bool kPart = std::is_same_v<decltype(found), ValueWithPart>;
               Spectrum& value = value_of(found);
               if (run.fault != nullptr) run.fault(key, &value.r);
-              const bool kept = film.add(0, x, y, {value.r, value.g, value.b}, key, tallies, signed_values);
+              const bool kept =
+                  film.add(0, x, y, {value.r, value.g, value.b}, key, sample_counts, signed_values);
               if constexpr (kPart) {
                 const Spectrum& part = found.part;
                 if (kept && !part.is_black())
-                  film.add(1, x, y, {part.r, part.g, part.b}, key, tallies, signed_values);
+                  film.add(1, x, y, {part.r, part.g, part.b}, key, sample_counts, signed_values);
               }
               if (letters && kept) letters->sums().gather(film, sample.weight, key);
             }
             if (letters) letters->sums().write_gathered(film, x, y);
-            tallies.eye_samples += unit.end - unit.begin;
+            sample_counts.eye_samples += unit.end - unit.begin;
           }
         }
       });
@@ -128,7 +131,7 @@ std::vector<float> pilot_eye_samples(const UnitContext& context, std::uint32_t c
                                      const Radiance& radiance) {
   std::vector<float> luminances;
   luminances.reserve(count);
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   samplers::Sampler sampler(samplers::SamplerKind::independent,
                             rng::key(context.seed, 0x70696c6f74ULL));  // "pilot"
   for (std::uint32_t i = 0; i < count; ++i) {
@@ -138,7 +141,7 @@ std::vector<float> pilot_eye_samples(const UnitContext& context, std::uint32_t c
     const auto x = static_cast<std::uint32_t>(place.next_double() * context.width);
     const auto y = static_cast<std::uint32_t>(place.next_double() * context.height);
     sampler.start(0, i, x, y);
-    const float value = luminance(eye_sample(context, x, y, sampler, tallies, radiance));
+    const float value = luminance(eye_sample(context, x, y, sampler, sample_counts, radiance));
     if (std::isfinite(value)) luminances.push_back(std::fabs(value));
   }
   return luminances;

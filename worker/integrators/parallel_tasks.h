@@ -1,4 +1,4 @@
-// The loop under all others: numbered tasks over threads, with a stop, progress and tallies.
+// The loop under all others: numbered tasks over threads, with a stop, progress and sample counts.
 #pragma once
 
 #include <atomic>
@@ -28,22 +28,22 @@ constexpr ProgressSpan progress_part(std::uint64_t part, std::uint64_t parts) {
           static_cast<float>(static_cast<double>(part + 1) / static_cast<double>(parts))};
 }
 
-// Runs body(task, tallies) for the tasks [0, n) on `run.threads` threads and returns n. n is task_count; if
-// run.cut is set on the way, n is less, but at least 1. Each thread's tallies are counted into the film. The
-// n tasks are done on return, unless run.stop was set: then the result is an error, and the film is not to be
-// used. The body must not depend on the thread and the order of tasks.
+// Runs body(task, sample_counts) for the tasks [0, n) on `run.threads` threads and returns n. n is
+// task_count; if run.cut is set on the way, n is less, but at least 1. Each thread's sample counts are
+// counted into the film. The n tasks are done on return, unless run.stop was set: then the result is an
+// error, and the film is not to be used. The body must not depend on the thread and the order of tasks.
 template <class Body>
 Result<std::uint64_t> for_first_tasks(std::uint64_t task_count, film::UnitFilm& film, const RunContext& run,
                                       const Body& body, ProgressSpan span = {}) {
   std::atomic<std::uint64_t> next{0};
   std::atomic<std::uint64_t> done{0};
   const auto work = [&] {
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     while (!run.stopped()) {
       if (run.cut_short() && next.load(std::memory_order_relaxed) > 0) break;
       const std::uint64_t task = next.fetch_add(1, std::memory_order_relaxed);
       if (task >= task_count) break;
-      body(task, tallies);
+      body(task, sample_counts);
       if (run.stopped()) break;  // perhaps left half done
       if (run.steps != nullptr) run.steps->fetch_add(1, std::memory_order_relaxed);
       const std::uint64_t finished = done.fetch_add(1, std::memory_order_relaxed) + 1;
@@ -52,7 +52,7 @@ Result<std::uint64_t> for_first_tasks(std::uint64_t task_count, film::UnitFilm& 
         run.progress->store(span.begin + (span.end - span.begin) * fraction, std::memory_order_relaxed);
       }
     }
-    film.count(tallies);
+    film.count(sample_counts);
   };
   const std::uint64_t threads = std::min<std::uint64_t>(run.threads, task_count);
   if (threads <= 1) {

@@ -11,7 +11,7 @@ namespace candela::integrators {
 
 struct Planned {
   estimators::Techniques techniques;
-  transport::Between between = transport::Between::media;
+  transport::EdgeContent between = transport::EdgeContent::media;
   Plan plan;
 };
 

@@ -13,7 +13,7 @@ std::string encode_delta(const film::DeltaInfo& info, const UnitOutput& output) 
   if (info.unit.kind == Unit::Kind::segments)
     writer.records(chains::encode(std::span<const chains::ChainRecord>(output.records)));
   if (info.unit.kind == Unit::Kind::bootstrap) writer.table(output.table);
-  writer.counts(output.tallies());
+  writer.counts(output.sample_counts());
   return writer.finish();
 }
 

@@ -40,7 +40,7 @@ struct UnitOutput {
   // A unit of bootstrap samples brings the contribution of each, in order.
   std::vector<float> table;
   // Counts of a unit that brings no film; a film has its own.
-  film::Tallies counts;
+  film::SampleCounts counts;
 
   // A sum wrapped around: nothing of the unit may be used.
   bool overflowed() const {
@@ -53,7 +53,7 @@ struct UnitOutput {
   bool overfull() const {
     return std::any_of(aovs.begin(), aovs.end(), [](const auto& sums) { return sums->overfull(); });
   }
-  film::Tallies tallies() const { return film != nullptr ? film->tallies() : counts; }
+  film::SampleCounts sample_counts() const { return film != nullptr ? film->sample_counts() : counts; }
   // Ready for the next unit; the memory of sums is kept.
   void clear() {
     if (film != nullptr) film->clear();

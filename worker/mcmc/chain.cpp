@@ -43,11 +43,12 @@ class Splats final : public Deposit {
       };
       const std::uint64_t own_key = rng::combine(key, i);
       const auto parts = list.parts(i++);
-      const bool kept = outlets_.film->splat(layer, splat.at, scaled(splat.value), own_key, outlets_.tallies);
+      const bool kept =
+          outlets_.film->splat(layer, splat.at, scaled(splat.value), own_key, outlets_.sample_counts);
       if (outlets_.mollified_layer != 0 && kept) {
         if (const Spectrum part = list.mollified(i - 1); !part.is_black())
           outlets_.film->splat(outlets_.mollified_layer + layer, splat.at, scaled(part), own_key,
-                               outlets_.tallies);
+                               outlets_.sample_counts);
       }
       if (parts.empty() || !kept) continue;
       scaled_.clear();
@@ -74,9 +75,9 @@ std::uint64_t bootstrap_key(std::uint64_t seed, std::uint64_t sample) {
   return rng::key(seed, kBootstrap, sample);
 }
 
-double usable_scalar(SplatList& list, film::Tallies& tallies) {
+double usable_scalar(SplatList& list, film::SampleCounts& sample_counts) {
   if (const auto cause = list.fault()) {
-    ++tallies.rejected[static_cast<std::size_t>(*cause)];
+    ++sample_counts.rejected[static_cast<std::size_t>(*cause)];
     list.clear();
   }
   return list.scalar();
@@ -104,7 +105,7 @@ bool run_mutations(Walker& walker, std::uint64_t mutations, const ChainRules& ru
       outlets.fault(mutation.key, &proposal.editable()[0].value.r);
       proposal.sum_again();
     }
-    const double proposed_scalar = usable_scalar(proposal, outlets.tallies);
+    const double proposed_scalar = usable_scalar(proposal, outlets.sample_counts);
     if (mutation.large) {
       ++counts.large_steps;
       counts.large_sum += proposed_scalar;
@@ -166,7 +167,7 @@ Result<void> run_segment(StateSpace& space, const ChainRules& rules, std::uint64
     space.start(bootstrap_key(rules.seed, start.bootstrap_sample), walker.present);
   else
     CANDELA_TRY(space.restore(record.state, walker.present));
-  film::Tallies unused;  // a start that was rejected was never chosen
+  film::SampleCounts unused;  // a start that was rejected was never chosen
   walker.scalar = usable_scalar(walker.present, unused);
   const bool vanished = rules.states_vanish && record.segments > 0 && walker.scalar == 0;
   if (!(walker.scalar > 0 || vanished) ||

@@ -59,7 +59,7 @@ class ChainProgress {
 // Receivers of the contributions and counts of a chain.
 struct ChainOutlets {
   const transport::Splatter* film = nullptr;  // null: nowhere (tests of the chain alone)
-  film::Tallies& tallies;                     // rejected samples
+  film::SampleCounts& sample_counts;          // rejected samples
   const std::atomic<bool>* stop = nullptr;
   ChainProgress* progress = nullptr;
   void (*fault)(std::uint64_t key, float* rgb) = nullptr;  // of integrators::RunContext
@@ -99,6 +99,6 @@ Result<void> run_segment(StateSpace& space, const ChainRules& rules, std::uint64
                          chains::ChainRecord& record);
 
 // The scalar contribution of `list`, 0 where it cannot be used: then it is emptied and its cause counted.
-double usable_scalar(SplatList& list, film::Tallies& tallies);
+double usable_scalar(SplatList& list, film::SampleCounts& sample_counts);
 
 }  // namespace candela::mcmc

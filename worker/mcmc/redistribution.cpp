@@ -21,7 +21,7 @@ bool redistribute(StateSpace& space, const SeedKeys& keys, const RedistributionR
     outlets.fault(keys.sample, &walker.present.editable()[0].value.r);
     walker.present.sum_again();
   }
-  const double scalar = usable_scalar(walker.present, outlets.tallies);
+  const double scalar = usable_scalar(walker.present, outlets.sample_counts);
   if (!(scalar > 0)) return true;
   const ChainsOfSeed chains = chains_of_seed(scalar, rules, rng::Stream(keys.rounding).next_double());
   ChainRules of_chain;

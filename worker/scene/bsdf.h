@@ -30,7 +30,7 @@ struct BsdfSample {
   bool delta = false;
   bool transmitted = false;
   // The delta lobe along -wo that passes as if nothing were there; implies transmitted.
-  bool straight = false;
+  bool passthrough = false;
   // Relative index, wi's side over wo's side, for Russian roulette's radiance scale; 1 for reflection.
   float eta = 1;
 };
@@ -49,7 +49,7 @@ inline constexpr float kMinDensity = 1e-30f;
 
 // A bsdf at a hit. Each kind of closure C (bsdfs/<kind>.h) is a trivially copyable struct of parameters with
 //   C::traits()
-//   sample(c, wo, u_lobe, u, mode, out), eval_pdf(c, wo, wi, mode, pdf), straight(c, wo),
+//   sample(c, wo, u_lobe, u, mode, out), eval_pdf(c, wo, wi, mode, pdf), passthrough(c, wo),
 //   eval_diffuse(c, wo, wi, mode, glossy_below)
 // of which the last three may be left out: eval_pdf and straight are then zero, and all of eval_pdf is
 // diffuse. They mean what the members below do, for closures that are neither flipped nor black.
@@ -80,8 +80,8 @@ class Closure {
   // False: absorbed or no valid direction.
   bool sample(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out) const;
   // The fraction of the light along -wo that goes on straight, as if there were no surface: what a sample
-  // with `straight` stands for. Light sources are seen through it by next event estimation.
-  Spectrum straight(Vec3 wo) const;
+  // with `passthrough` stands for. Light sources are seen through it by next event estimation.
+  Spectrum passthrough(Vec3 wo) const;
   // sample() reads u_lobe.
   bool chooses_lobe() const { return traits_.reads_lobe; }
   // Lobes that are not delta send light through: emitters behind the surface count.

@@ -31,7 +31,7 @@ struct SceneFeatures {
   bool all_bsdfs_delta = false;
   bool any_rough_glossy = false;  // roughness below 0.2
   bool any_transmission = false;
-  bool any_straight = false;        // some surface lets light pass straight on: null, mask, thin glass
+  bool any_passthrough = false;     // some surface lets light pass straight on: null, mask, thin glass
   bool any_environment = false;     // constant or envmap
   float environment_variation = 0;  // the greatest of any environment's: see Environment::variation
   bool any_delta_emitter = false;   // point, directional

@@ -141,7 +141,7 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
   if (const auto media = sensors[0]->children_of("medium"); !media.empty()) {
     CANDELA_ASSIGN(impl.camera_medium, impl.media.add(media[0], files));
   }
-  for (const Bsdf& bsdf : impl.bsdfs) impl.straight.push_back(bsdf.facts().straight);
+  for (const Bsdf& bsdf : impl.bsdfs) impl.passthrough.push_back(bsdf.facts().passthrough);
   builder.finish_features();
   builder.finish_objects();
   if (edited) CANDELA_TRY(builder.finish_edits(*options.edits));
@@ -182,11 +182,11 @@ Closure Scene::closure(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena) cons
   return closure;
 }
 
-Spectrum Scene::straight(const SurfaceHit& hit, Vec3 wo_world) const {
-  if (!impl_->straight[hit.bsdf]) return {};
+Spectrum Scene::passthrough(const SurfaceHit& hit, Vec3 wo_world) const {
+  if (!impl_->passthrough[hit.bsdf]) return {};
   ClosureArena arena;
   const Vec3 wo = hit.shading.to_local(wo_world);
-  return closure(hit, wo, arena).straight(wo);
+  return closure(hit, wo, arena).passthrough(wo);
 }
 
 const Medium& Scene::medium(std::uint32_t index) const {

@@ -57,8 +57,8 @@ class Scene {
   Closure closure(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena) const;
 
   // The fraction of light along -wo (unit, world) that passes the surface straight on: what
-  // Closure::straight says, and quickly nothing where the surface lets nothing pass so.
-  Spectrum straight(const SurfaceHit& hit, Vec3 wo_world) const;
+  // Closure::passthrough says, and quickly nothing where the surface lets nothing pass so.
+  Spectrum passthrough(const SurfaceHit& hit, Vec3 wo_world) const;
 
   // Media by index. A walk carries the index of the medium it is in, kNone outside of all: it starts in
   // camera_medium() or emitter_medium(), and goes on from a surface in medium_beyond(hit, direction, the

@@ -141,7 +141,7 @@ void SceneBuilder::count_bsdf(const Bsdf& bsdf) {
   all_delta_ = all_delta_ && !facts.smooth;
   features_.any_rough_glossy |= !facts.delta && facts.min_roughness < 0.2f;
   features_.any_transmission |= facts.transmissive;
-  features_.any_straight |= facts.straight;
+  features_.any_passthrough |= facts.passthrough;
   features_.any_black_bsdf |= facts.black();
   features_.any_two_sided |= facts.two_sided;
 }

@@ -40,7 +40,7 @@ struct SceneData {
   Media media;
   std::uint32_t camera_medium = kNone;
   std::vector<std::uint32_t> emitter_media;  // by emitter
-  std::vector<bool> straight;                // of each bsdf: some light passes straight on
+  std::vector<bool> passthrough;             // of each bsdf: some light passes straight on
   std::unique_ptr<Accel> accel;
   Sensor sensor;
   std::optional<IrradianceMeter> meter;  // in the place of the sensor

@@ -56,7 +56,7 @@ bool scatters_nothing(const BsdfFacts& facts) {
   return facts.black() || (!facts.smooth && !facts.delta);
 }
 
-Error passes_straight(const edits::Edit& edit, const std::vector<std::string>& surface) {
+Error passes_through(const edits::Edit& edit, const std::vector<std::string>& surface) {
   return input_error(fmt::format("edit '{}' selects the surface {}, which lets light pass straight on",
                                  edit.name, named(surface)))
       .with_mend("name the surfaces that it selects: X{wall}; masks and thin glass cannot be edited");
@@ -138,10 +138,10 @@ Result<void> SceneBuilder::edit(const EditRequest& request) {
       edits.by_regions.push_back(treatments_of(edits_, selections, object, place));
     const SurfaceEdits::Treatment all = all_of(edits.by_regions);
     if (all == SurfaceEdits::Treatment{}) continue;
-    if (facts.straight)
-      return passes_straight(list.edits[static_cast<std::size_t>(
-                                 std::countr_zero(static_cast<unsigned>(all.of_light | all.of_eye)))],
-                             objects_.names[object]);
+    if (facts.passthrough)
+      return passes_through(list.edits[static_cast<std::size_t>(
+                                std::countr_zero(static_cast<unsigned>(all.of_light | all.of_eye)))],
+                            objects_.names[object]);
     for (const std::uint16_t bits : {all.of_light, all.of_eye})
       if (std::popcount(bits) > static_cast<int>(SurfaceEdits::kMax))
         return too_many_edits(objects_.names[object]);
@@ -203,9 +203,9 @@ Result<void> SceneBuilder::finish_edits(const EditRequest& request) {
           }
     if (mixes && varies && mixed.empty()) mixed = named(objects_.names[object]);
     const auto either = static_cast<unsigned>(all[0] | all[1]);
-    if (either != 0 && facts.straight)
-      return passes_straight(list.edits[static_cast<std::size_t>(std::countr_zero(either))],
-                             objects_.names[object]);
+    if (either != 0 && facts.passthrough)
+      return passes_through(list.edits[static_cast<std::size_t>(std::countr_zero(either))],
+                            objects_.names[object]);
     for (const std::uint16_t bits : all)
       if (std::popcount(bits) > static_cast<int>(SurfaceEdits::kMax))
         return too_many_edits(objects_.names[object]);

@@ -11,7 +11,7 @@
 namespace candela::transport {
 
 // Content of the edges of paths. Each value includes the ones before it.
-enum class Between : std::uint8_t {
+enum class EdgeContent : std::uint8_t {
   nothing,   // a ray meets what it hits
   surfaces,  // that light may pass straight: null, mask, thin glass
   media
@@ -40,7 +40,7 @@ inline Ray inside_medium(const Ray& ray, const scene::SurfaceHit* end) {
 // The fraction of light that gets along a shadow ray, from `medium`. Straight passes are taken in their
 // expectation; media in closed form or by an unbiased estimate from the stream. `survival`, where asked for,
 // is multiplied by what stretch_survival says of each stretch.
-template <Between kBetween, class SceneT>
+template <EdgeContent kEdgeContent, class SceneT>
 Spectrum passing(const SceneT& scene, Ray ray, std::uint32_t medium, rng::Stream stream, std::uint64_t& rays,
                  double* survival = nullptr) {
   Spectrum fraction(1.0f);
@@ -53,10 +53,10 @@ Spectrum passing(const SceneT& scene, Ray ray, std::uint32_t medium, rng::Stream
     ++rays;
     const bool found = scene.intersect(ray, hit);
     if (found) {
-      fraction *= scene.straight(hit, -ray.direction);
+      fraction *= scene.passthrough(hit, -ray.direction);
       if (fraction.is_black()) return {};
     }
-    if constexpr (kBetween == Between::media) {
+    if constexpr (kEdgeContent == EdgeContent::media) {
       if (medium != scene::kNone) {
         const Ray stretch = inside_medium(ray, found ? &hit : nullptr);
         fraction *= scene.medium(medium).transmittance(stretch, stream);
@@ -66,7 +66,8 @@ Spectrum passing(const SceneT& scene, Ray ray, std::uint32_t medium, rng::Stream
       }
     }
     if (!found) return fraction;
-    if constexpr (kBetween == Between::media) medium = scene.medium_beyond(hit, ray.direction, medium);
+    if constexpr (kEdgeContent == EdgeContent::media)
+      medium = scene.medium_beyond(hit, ray.direction, medium);
     const Vec3 direction = ray.direction;
     ray = spawn_ray(hit, direction);
     if (ends) {

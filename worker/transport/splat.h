@@ -42,25 +42,26 @@ class Splatter {
   // From any thread. `key` names the contribution among all of the unit, and seeds the rounding. False: the
   // value was refused.
   bool splat(std::uint32_t layer, FilmPosition at, Spectrum value, std::uint64_t key,
-             film::Tallies& tallies) const {
+             film::SampleCounts& sample_counts) const {
     at = {at.x * to_pixels_.x, at.y * to_pixels_.y};
     value *= to_pixels_.x * to_pixels_.y;
     return for_each_pixel(at, [&](std::uint32_t x, std::uint32_t y, float f) {
       const Spectrum share = value * f;
       // A value that is refused is refused, and counted, once.
-      return film_.splat(layer, x, y, {share.r, share.g, share.b}, pixel_key(key, x, y), tallies, signed_);
+      return film_.splat(layer, x, y, {share.r, share.g, share.b}, pixel_key(key, x, y), sample_counts,
+                         signed_);
     });
   }
   // The same on the image, and on the layers of expressions by the labels of the value's path: each pixel's
   // share is rounded once.
   bool splat_labelled(const PathLetters& letters, const ChannelLabels& labels, FilmPosition at,
-                      Spectrum value, std::uint64_t key, film::Tallies& tallies) const {
+                      Spectrum value, std::uint64_t key, film::SampleCounts& sample_counts) const {
     at = {at.x * to_pixels_.x, at.y * to_pixels_.y};
     value *= to_pixels_.x * to_pixels_.y;
     return for_each_pixel(at, [&](std::uint32_t x, std::uint32_t y, float f) {
       const Spectrum share = value * f;
       const std::uint64_t own_key = pixel_key(key, x, y);
-      if (!film_.splat(0, x, y, {share.r, share.g, share.b}, own_key, tallies, signed_)) return false;
+      if (!film_.splat(0, x, y, {share.r, share.g, share.b}, own_key, sample_counts, signed_)) return false;
       const auto units = film_.units({share.r, share.g, share.b}, film::dither_word(own_key));
       transport::splat_labelled(letters, labels, units, film_, x, y);
       return true;

@@ -51,11 +51,11 @@ inline double direct_density(const scene::Scene& scene, const scene::EmissionSam
 
 // The parameters of a walk. SamplerT: samplers::Sampler, or what stands in for it (mcmc::PrimarySampler).
 // ObserverT: as NoObserver; a handle, kept by value.
-template <TransportMode kModeOf, Between kBetweenOf, class MisT, class SamplerT = samplers::Sampler,
+template <TransportMode kModeOf, EdgeContent kEdgeContentOf, class MisT, class SamplerT = samplers::Sampler,
           class ObserverT = NoObserver>
 struct WalkConfig {
   static constexpr TransportMode kMode = kModeOf;
-  static constexpr Between kBetween = kBetweenOf;
+  static constexpr EdgeContent kEdgeContent = kEdgeContentOf;
   using Mis = MisT;
   using Sampler = SamplerT;
   using Observer = ObserverT;
@@ -66,26 +66,27 @@ template <class Config>
 class BasicWalk {
  public:
   static constexpr TransportMode kMode = Config::kMode;
-  static constexpr Between kBetween = Config::kBetween;
+  static constexpr EdgeContent kEdgeContent = Config::kEdgeContent;
   using Mis = typename Config::Mis;
   using SamplerT = typename Config::Sampler;
   using Observer = typename Config::Observer;
   using Block = typename Mis::Block;
   using Vertex = transport::Vertex<Block>;
   using Departure = typename Mis::Departure;
-  static constexpr Between kContent = kBetween;
+  static constexpr EdgeContent kContent = kEdgeContent;
   enum class Event : std::uint8_t { vertex, left, ended };
   enum class Step : std::uint8_t { scattered, passed, ended };
   static constexpr bool kFromLight = kMode == TransportMode::importance;
-  static constexpr bool kPasses = kBetween != Between::nothing, kMedia = kBetween == Between::media;
+  static constexpr bool kPasses = kEdgeContent != EdgeContent::nothing,
+                        kMedia = kEdgeContent == EdgeContent::media;
 
   BasicWalk(const scene::Scene& scene, const WalkRules& rules, const MisFactors& factors, SamplerT& sampler,
-            film::Tallies& tallies, Observer observer = {})
+            film::SampleCounts& sample_counts, Observer observer = {})
       : scene_(scene),
         rules_(rules),
         factors_(factors),
         sampler_(sampler),
-        tallies_(tallies),
+        sample_counts_(sample_counts),
         observer_(observer) {}
 
   // Draws dimensions [0, kLightDimensions). False: no light by this choice.
@@ -139,17 +140,17 @@ class BasicWalk {
   void note_bound() {
     if (bounded_ || edges_ < rules_.rr_depth) return;
     bounded_ = true;
-    ++tallies_.bounded_walks;
+    ++sample_counts_.bounded_walks;
   }
   bool leave_surfaces(bool found, SurfaceHit& hit);
-  bool pass_straight(const SurfaceHit& hit);
+  bool pass_through(const SurfaceHit& hit);
   void look_for_lens(bool found, const SurfaceHit& hit);
 
   const scene::Scene& scene_;
   const WalkRules& rules_;
   const MisFactors& factors_;
   SamplerT& sampler_;
-  film::Tallies& tallies_;
+  film::SampleCounts& sample_counts_;
   [[no_unique_address]] Observer observer_;
 
   Ray ray_;
@@ -172,9 +173,9 @@ class BasicWalk {
 };
 
 // A walk by its parameters one by one.
-template <TransportMode kMode, Between kBetween, class Mis, class SamplerT = samplers::Sampler,
+template <TransportMode kMode, EdgeContent kEdgeContent, class Mis, class SamplerT = samplers::Sampler,
           class Observer = NoObserver>
-using Walk = BasicWalk<WalkConfig<kMode, kBetween, Mis, SamplerT, Observer>>;
+using Walk = BasicWalk<WalkConfig<kMode, kEdgeContent, Mis, SamplerT, Observer>>;
 
 template <class Config>
 bool BasicWalk<Config>::start_light() {
@@ -237,7 +238,7 @@ auto BasicWalk<Config>::advance(Vertex& v, scene::ClosureArena& arena) -> Event 
     first_stretch_ = false;
   else
     block_ += kBlock;
-  ++tallies_.rays;
+  ++sample_counts_.rays;
   bool found = scene_.intersect(ray_, v.hit);
   if constexpr (kFromLight) {
     if (edges_ == 0 && origin_.delta_position) found = leave_surfaces(found, v.hit);
@@ -319,7 +320,7 @@ bool BasicWalk<Config>::leave_surfaces(bool found, SurfaceHit& hit) {
     if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
     ray_ = spawn_ray(hit, ray_.direction);
     if (++passes_ >= kMaxPasses) return false;
-    ++tallies_.rays;
+    ++sample_counts_.rays;
     found = scene_.intersect(ray_, hit);
   }
   return found;
@@ -390,8 +391,8 @@ auto BasicWalk<Config>::scatter(Vertex& v) -> Step {
   }
   if (v.edges >= max_edges()) {
     if constexpr (kPasses) {  // light may still arrive straight through
-      throughput_ *= scene_.straight(v.hit, kFromLight ? -v.wo : v.wo);  // as the viewer sees it
-      if (!throughput_.is_black() && pass_straight(v.hit)) return Step::passed;
+      throughput_ *= scene_.passthrough(v.hit, kFromLight ? -v.wo : v.wo);  // as the viewer sees it
+      if (!throughput_.is_black() && pass_through(v.hit)) return Step::passed;
     }
     return Step::ended;
   }
@@ -402,7 +403,7 @@ auto BasicWalk<Config>::scatter(Vertex& v) -> Step {
   if (!at.sample(u_lobe, sampler_.draw_2d(block_ + kDirection, stratify), kMode, next)) return Step::ended;
   throughput_ *= next.weight;
   if constexpr (kPasses) {
-    if (next.straight) return !throughput_.is_black() && pass_straight(v.hit) ? Step::passed : Step::ended;
+    if (next.passthrough) return !throughput_.is_black() && pass_through(v.hit) ? Step::passed : Step::ended;
   }
   const Vec3 wi = at.direction(next);
   if constexpr (kFromLight)
@@ -447,7 +448,7 @@ bool BasicWalk<Config>::survives(float longest) {
 }
 
 template <class Config>
-bool BasicWalk<Config>::pass_straight(const SurfaceHit& hit) {
+bool BasicWalk<Config>::pass_through(const SurfaceHit& hit) {
   if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
   ray_ = spawn_ray(hit, ray_.direction);
   return ++passes_ < kMaxPasses;

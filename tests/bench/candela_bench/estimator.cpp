@@ -74,11 +74,12 @@ auto timed(Cost& cost, const Call& call) {
   return result;
 }
 
-void add(Cost& cost, const film::Tallies& tallies) {
-  cost.eye_samples += tallies.eye_samples;
-  cost.light_paths += tallies.light_paths;
-  cost.rays += tallies.rays;
-  cost.rejected += std::accumulate(tallies.rejected.begin(), tallies.rejected.end(), std::uint64_t{0});
+void add(Cost& cost, const film::SampleCounts& sample_counts) {
+  cost.eye_samples += sample_counts.eye_samples;
+  cost.light_paths += sample_counts.light_paths;
+  cost.rays += sample_counts.rays;
+  cost.rejected +=
+      std::accumulate(sample_counts.rejected.begin(), sample_counts.rejected.end(), std::uint64_t{0});
 }
 
 // What both kinds of jobs are: units of two halves, whose films are encoded, decoded and merged as on a farm.
@@ -187,7 +188,7 @@ class RenderEstimator : public Estimator {
     keep(unit, delta);
     ++cost_.deltas;
     cost_.delta_bytes += bytes.size();
-    add(cost_, delta.tallies());
+    add(cost_, delta.sample_counts());
     return {};
   }
 };

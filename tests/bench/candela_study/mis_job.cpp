@@ -63,7 +63,7 @@ Result<double> MisJob::render(std::uint64_t begin, std::uint64_t end, const std:
     const double start = thread_seconds();
     CANDELA_TRY(renderer_->run(unit, {pilot_.state, {}, {}}, output_, {}));
     seconds += thread_seconds() - start;
-    for (const std::uint64_t rejected : output_.film->tallies().rejected)
+    for (const std::uint64_t rejected : output_.film->sample_counts().rejected)
       if (rejected != 0)
         return failed_error(fmt::format("{} samples of {} were rejected", rejected, render_.integrator))
             .at(render_.scene, 0);

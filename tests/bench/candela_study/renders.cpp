@@ -56,7 +56,7 @@ Result<Rendered> render_job(const Render& render, const std::vector<std::uint64_
       CANDELA_TRY(renderer->run(unit, input, output, context));
       seconds += cpu_now() - start;
       CANDELA_TRY(epochs.add(unit, output));
-      for (const std::uint64_t rejected : output.film->tallies().rejected)
+      for (const std::uint64_t rejected : output.film->sample_counts().rejected)
         if (rejected != 0)
           return failed_error(fmt::format("{} samples of {} were rejected", rejected, render.integrator))
               .at(file, 0);

@@ -36,7 +36,7 @@ Result<void> render(const Unit& unit, std::string_view state, std::uint32_t widt
                     std::uint64_t seed, integrators::UnitOutput& output) {
   if (state.size() != std::size_t{width} * height)
     return input_error("the state is not of this film").with_field("state");
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   for (std::uint64_t i = unit.begin; i < unit.end; ++i)
     for (std::uint32_t y = 0; y < height; ++y)
       for (std::uint32_t x = 0; x < width; ++x) {
@@ -46,12 +46,12 @@ Result<void> render(const Unit& unit, std::string_view state, std::uint32_t widt
         const double amplitude = 1 + static_cast<double>((x * 7 + y * 13) % 16);
         const double value = amplitude * rng::to_double(key) / static_cast<double>(1ULL << level);
         const auto v = static_cast<float>(value);
-        tallies.eye_samples += 1;
-        output.film->add(0, x, y, {v, v * 0.5F, v * 0.25F}, key, tallies);
+        sample_counts.eye_samples += 1;
+        output.film->add(0, x, y, {v, v * 0.5F, v * 0.25F}, key, sample_counts);
         const double square = value * value;
-        output.accumulators[0]->add(x, y, 0, {&square, 1}, key, tallies);
+        output.accumulators[0]->add(x, y, 0, {&square, 1}, key, sample_counts);
       }
-  output.film->count(tallies);
+  output.film->count(sample_counts);
   return {};
 }
 

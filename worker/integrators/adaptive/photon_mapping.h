@@ -7,7 +7,7 @@
 #include "worker/integrators/adaptive/run.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/merging/one_radius.h"
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_edge_content.h"
 
 namespace candela::integrators::adaptive {
 
@@ -34,7 +34,7 @@ class PhotonMapping final : public IterationIntegrator {
                    const RunContext& run_context) const override {
     if (!planned_.techniques.merges())
       return merging::run_ppm(planned_.between, context, unit, input, iterations_, output, run_context);
-    return with_between(planned_.between, [&](auto between) {
+    return with_edge_content(planned_.between, [&](auto between) {
       return run_adaptive<estimators::PpmEye<between(), transport::ScaleMap, Statistics>>(
           context, unit, input, iterations_, adaptation_,
           [&](double first_radius) { return make_statistics_(first_radius, context, unit, input); }, output,

@@ -48,15 +48,16 @@ const scene::SceneObjects::Mattes& mattes_of(AovKind kind, const scene::SceneObj
 // One thread's eye samples.
 class Eye {
  public:
-  Eye(const std::vector<Aov>& aovs, const UnitContext& context, UnitOutput& output, film::Tallies& tallies)
+  Eye(const std::vector<Aov>& aovs, const UnitContext& context, UnitOutput& output,
+      film::SampleCounts& sample_counts)
       : aovs_(aovs),
         context_(context),
         output_(output),
-        tallies_(tallies),
+        sample_counts_(sample_counts),
         sampler_(context.sampler, rng::key(context.seed, kSamplesWord)) {
     const auto wants_albedo = [](const Aov& aov) { return aov.kind == AovKind::albedo; };
     reads_bsdf_ =
-        context.scene.features().any_straight || std::any_of(aovs.begin(), aovs.end(), wants_albedo);
+        context.scene.features().any_passthrough || std::any_of(aovs.begin(), aovs.end(), wants_albedo);
   }
 
   // Sample `index` of a pixel in a half. `shared`: other threads may add to the pixel.
@@ -74,7 +75,8 @@ class Eye {
     for (std::size_t i = 0; i < aovs_.size(); ++i) {
       if (is_matte(aovs_[i].kind)) {
         const std::uint32_t key = mattes_of(aovs_[i].kind, context_.scene.objects()).of_shape[seen.hit.shape];
-        output_.aovs[i]->add_key(x, y, key, static_cast<double>(ray.weight), sampler_.sample_key(), tallies_);
+        output_.aovs[i]->add_key(x, y, key, static_cast<double>(ray.weight), sampler_.sample_key(),
+                                 sample_counts_);
         continue;
       }
       const std::size_t count = values_of(aovs_[i].kind, seen, values);
@@ -92,9 +94,9 @@ class Eye {
   void put(std::size_t i, std::uint32_t x, std::uint32_t y, std::span<const double> values, bool shared) {
     film::UnitAccumulator& sums = *output_.aovs[i];
     if (shared)
-      sums.splat(x, y, 0, values, sampler_.sample_key(), tallies_);
+      sums.splat(x, y, 0, values, sampler_.sample_key(), sample_counts_);
     else
-      sums.add(x, y, 0, values, sampler_.sample_key(), tallies_);
+      sums.add(x, y, 0, values, sampler_.sample_key(), sample_counts_);
   }
 
   // False: nothing is there.
@@ -103,7 +105,7 @@ class Eye {
     Ray ray = camera_ray;
     Spectrum passed(1.0f);
     for (std::uint32_t pass = 0; pass < transport::kMaxPasses; ++pass) {
-      ++tallies_.rays;
+      ++sample_counts_.rays;
       if (!scene.intersect(ray, seen.hit)) return false;
       if (!reads_bsdf_ || !passes(ray, pass, seen, passed)) {
         seen.distance =
@@ -132,7 +134,7 @@ class Eye {
                    scene::TransportMode::importance, sample))
       return false;
     passed *= sample.weight;
-    if (sample.straight) return true;
+    if (sample.passthrough) return true;
     seen.albedo = passed;
     return false;
   }
@@ -206,7 +208,7 @@ class Eye {
   const std::vector<Aov>& aovs_;
   const UnitContext& context_;
   UnitOutput& output_;
-  film::Tallies& tallies_;
+  film::SampleCounts& sample_counts_;
   samplers::Sampler sampler_;
   scene::ClosureArena arena_;
   bool reads_bsdf_ = false;
@@ -291,18 +293,18 @@ Result<void> AovPass::run(const UnitContext& context, const Unit& unit, UnitOutp
 
 Result<void> AovPass::run_iterations(const UnitContext& context, const Unit& unit, UnitOutput& output,
                                      const RunContext& run) const {
-  return for_each_tile(
-      context.width, context.height, *output.film, run,
-      [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1, film::Tallies& tallies) {
-        Eye eye(aovs_, context, output, tallies);
-        for (std::uint32_t y = y0; y < y1; ++y)
-          for (std::uint32_t x = x0; x < x1; ++x) {
-            for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
-              if (run.stopped()) return;
-              eye.add(unit.half, index, x, y, false);
-            }
-          }
-      });
+  return for_each_tile(context.width, context.height, *output.film, run,
+                       [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
+                           film::SampleCounts& sample_counts) {
+                         Eye eye(aovs_, context, output, sample_counts);
+                         for (std::uint32_t y = y0; y < y1; ++y)
+                           for (std::uint32_t x = x0; x < x1; ++x) {
+                             for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
+                               if (run.stopped()) return;
+                               eye.add(unit.half, index, x, y, false);
+                             }
+                           }
+                       });
 }
 
 Result<void> AovPass::run_segments(const UnitContext& context, const Unit& unit, UnitOutput& output,
@@ -311,8 +313,8 @@ Result<void> AovPass::run_segments(const UnitContext& context, const Unit& unit,
   const PixelOrder order(std::uint64_t{context.width} * context.height,
                          rng::key(context.seed, kOrderWord, unit.half));
   return for_each_task(unit.end - unit.begin, *output.film, run,
-                       [&](std::uint64_t task, film::Tallies& tallies) {
-                         Eye eye(aovs_, context, output, tallies);
+                       [&](std::uint64_t task, film::SampleCounts& sample_counts) {
+                         Eye eye(aovs_, context, output, sample_counts);
                          const std::uint64_t first = (unit.begin + task) * samples;
                          std::uint64_t at = order.place(first);
                          for (std::uint64_t i = 0; i < samples; ++i) {

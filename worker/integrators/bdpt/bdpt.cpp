@@ -7,7 +7,7 @@
 #include "worker/integrators/bdpt/run_kernel.h"
 #include "worker/integrators/bidirectional/plan.h"
 #include "worker/integrators/iteration_integrator.h"
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/plan_walks.h"
 #include "worker/scene/objects.h"
 
@@ -16,10 +16,10 @@ namespace {
 
 using bdpt::TechniqueLayers;
 using estimators::PathOptions;
-using transport::Between;
+using transport::EdgeContent;
 using transport::MisHeuristic;
 
-template <Between kB, class MisT, bool kL, bool kE = false>
+template <EdgeContent kB, class MisT, bool kL, bool kE = false>
 struct FilmConfig : estimators::BidirectionalConfig<kB, MisT, bdpt::FilmSink, kL> {
   static constexpr bool kEdits = kE;
 };
@@ -27,18 +27,18 @@ struct FilmConfig : estimators::BidirectionalConfig<kB, MisT, bdpt::FilmSink, kL
 using bdpt::Run;
 using bdpt::run_kernel;
 
-template <Between kBetween, bool kEdits = false>
+template <EdgeContent kEdgeContent, bool kEdits = false>
 Run run_for(MisHeuristic heuristic) {
   switch (heuristic) {
     case MisHeuristic::balance:
-      return &run_kernel<FilmConfig<kBetween, transport::Balance, false, kEdits>>;
+      return &run_kernel<FilmConfig<kEdgeContent, transport::Balance, false, kEdits>>;
     case MisHeuristic::power:
-      return &run_kernel<FilmConfig<kBetween, transport::Power, false, kEdits>>;
+      return &run_kernel<FilmConfig<kEdgeContent, transport::Power, false, kEdits>>;
     case MisHeuristic::maximum:
     case MisHeuristic::cutoff:
       break;
   }
-  return &run_kernel<FilmConfig<kBetween, transport::Balance, true, kEdits>>;
+  return &run_kernel<FilmConfig<kEdgeContent, transport::Balance, true, kEdits>>;
 }
 
 class BdptIntegrator final : public IterationIntegrator {
@@ -53,15 +53,15 @@ class BdptIntegrator final : public IterationIntegrator {
                    UnitOutput& output, const RunContext& run_context) const override {
     Run chosen = nullptr;
     if (context.scene.objects().path_edits != nullptr)
-      chosen = run_for<Between::media, true>(options_.heuristic);
+      chosen = run_for<EdgeContent::media, true>(options_.heuristic);
     else if (regularization_.runs())
       chosen = bdpt::mollified_run_for(options_.heuristic);
     else if (const scene::SceneFeatures& f = context.scene.features();
-             context.letters != nullptr && f.media == 0 && !f.any_straight)
+             context.letters != nullptr && f.media == 0 && !f.any_passthrough)
       chosen = bdpt::lettered_run_for(options_.heuristic);
     else
-      chosen = with_between(planned_.between,
-                            [&](auto between) { return run_for<between()>(options_.heuristic); });
+      chosen = with_edge_content(planned_.between,
+                                 [&](auto between) { return run_for<between()>(options_.heuristic); });
     return chosen(context, options_, planned_.techniques, layers_, regularization_, unit, *output.film,
                   run_context);
   }

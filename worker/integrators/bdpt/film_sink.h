@@ -14,10 +14,10 @@ namespace candela::integrators::bdpt {
 class FilmSink {
  public:
   FilmSink(const UnitContext& context, const TechniqueLayers& layers, double light_paths,
-           film::UnitFilm& film, film::Tallies& tallies)
+           film::UnitFilm& film, film::SampleCounts& sample_counts)
       : layers_(layers),
         film_(film),
-        tallies_(tallies),
+        sample_counts_(sample_counts),
         splatter_(context.filter, film, context.width, context.height),
         each_(static_cast<float>(1 / light_paths)) {}
 
@@ -46,14 +46,14 @@ class FilmSink {
              const transport::ChannelLabels* labels) {
     const Spectrum weighted = light.weighted() * each_;
     if (labels != nullptr)
-      splatter_.splat_labelled(*letters, *labels, at, weighted, key, tallies_);
+      splatter_.splat_labelled(*letters, *labels, at, weighted, key, sample_counts_);
     else
-      splatter_.splat(0, at, weighted, key, tallies_);
+      splatter_.splat(0, at, weighted, key, sample_counts_);
     if (!layers_.any()) return;
     if (const std::uint32_t layer = layers_.weighted(s, t); layer != TechniqueLayers::kNoLayer)
-      splatter_.splat(layer, at, weighted, key, tallies_);
+      splatter_.splat(layer, at, weighted, key, sample_counts_);
     if (const std::uint32_t layer = layers_.unweighted(s, t); layer != TechniqueLayers::kNoLayer)
-      splatter_.splat(layer, at, light.value * each_, key, tallies_);
+      splatter_.splat(layer, at, light.value * each_, key, sample_counts_);
   }
 
  protected:
@@ -63,7 +63,7 @@ class FilmSink {
   }
   void splat_mollified(const transport::Contribution& light, transport::FilmPosition at, std::uint64_t key) {
     if (const std::uint32_t layer = layers_.mollified(); layer != TechniqueLayers::kNoLayer)
-      splatter_.splat(layer, at, light.weighted() * each_, key, tallies_);
+      splatter_.splat(layer, at, light.weighted() * each_, key, sample_counts_);
   }
 
  private:
@@ -71,12 +71,12 @@ class FilmSink {
   void add(std::uint32_t layer, Spectrum value, std::uint64_t word) {
     if (layer == TechniqueLayers::kNoLayer) return;
     value *= scale_;
-    film_.splat(layer, x_, y_, {value.r, value.g, value.b}, rng::combine(key_, word), tallies_, true);
+    film_.splat(layer, x_, y_, {value.r, value.g, value.b}, rng::combine(key_, word), sample_counts_, true);
   }
 
   const TechniqueLayers& layers_;
   film::UnitFilm& film_;
-  film::Tallies& tallies_;
+  film::SampleCounts& sample_counts_;
   transport::Splatter splatter_;
   float each_;
 

@@ -6,7 +6,7 @@ namespace candela::integrators::bdpt {
 namespace {
 
 template <class MisT, bool kL>
-struct LetteredConfig : estimators::BidirectionalConfig<transport::Between::nothing, MisT, FilmSink, kL> {
+struct LetteredConfig : estimators::BidirectionalConfig<transport::EdgeContent::nothing, MisT, FilmSink, kL> {
   static constexpr bool kLetters = true;
 };
 

@@ -22,7 +22,7 @@ class MollifyingSink : public FilmSink {
 
 template <class MisT, bool kL>
 struct MollifiedConfig
-    : estimators::BidirectionalConfig<transport::Between::media, MisT, MollifyingSink, kL> {
+    : estimators::BidirectionalConfig<transport::EdgeContent::media, MisT, MollifyingSink, kL> {
   static constexpr bool kMollifies = true;
 };
 

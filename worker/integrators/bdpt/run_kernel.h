@@ -21,11 +21,12 @@ Result<void> run_kernel(const UnitContext& context, const estimators::PathOption
   const estimators::PathCounts counts{paths, paths, static_cast<float>(context.filter.radius())};
   return for_each_tile(
       context.width, context.height, film, run,
-      [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1, film::Tallies& tallies) {
+      [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
+          film::SampleCounts& sample_counts) {
         samplers::Sampler eye(context.sampler, context.seed), light(context.sampler, context.seed);
-        typename Config::Sink sink(context, layers, paths, film, tallies);
-        estimators::Bidirectional<Config> estimator(context.scene, options, techniques, counts, sink, tallies,
-                                                    context.letters);
+        typename Config::Sink sink(context, layers, paths, film, sample_counts);
+        estimators::Bidirectional<Config> estimator(context.scene, options, techniques, counts, sink,
+                                                    sample_counts, context.letters);
         for (std::uint32_t y = y0; y < y1; ++y) {
           for (std::uint32_t x = x0; x < x1; ++x) {
             for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
@@ -41,14 +42,14 @@ Result<void> run_kernel(const UnitContext& context, const estimators::PathOption
               estimator.trace_eye(ray.ray, eye);
               Spectrum value = sink.sum() * ray.weight;
               if (run.fault != nullptr) run.fault(eye.sample_key(), &value.r);
-              const bool kept =
-                  film.splat(0, x, y, {value.r, value.g, value.b}, eye.sample_key(), tallies, signed_values);
+              const bool kept = film.splat(0, x, y, {value.r, value.g, value.b}, eye.sample_key(),
+                                           sample_counts, signed_values);
               if (transport::LayerSums* sums = estimator.layer_sums(); sums != nullptr && kept)
                 sums->gather(film, ray.weight, eye.sample_key());
             }
             if (transport::LayerSums* sums = estimator.layer_sums(); sums != nullptr)
               sums->write_gathered(film, x, y);
-            tallies.eye_samples += unit.end - unit.begin;
+            sample_counts.eye_samples += unit.end - unit.begin;
             if (run.stopped()) return;
           }
         }

@@ -2,7 +2,7 @@
 
 #include <string_view>
 
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators::bidirectional {
@@ -38,7 +38,7 @@ Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures&
   decide(t.hit_lens, 2, "light that meets the lens (t = 0)", lit && f.finite_lens, "the lens has an area",
          "the lens is a point, or infinitely far");
   t.light_paths = t.needs_light_paths();
-  if (!full) planned.between = plan_between(f, planned.plan);
+  if (!full) planned.between = plan_edge_content(f, planned.plan);
   return planned;
 }
 

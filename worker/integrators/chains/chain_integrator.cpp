@@ -128,11 +128,11 @@ Result<void> ChainIntegrator::run_bootstrap(const UnitContext& context, const Un
                                             const RunContext& run) const {
   std::vector<float>& contributions = output.table;
   contributions.assign(unit.end - unit.begin, 0);
-  film::UnitFilm tallies_only({1, 1, 1}, 0);
+  film::UnitFilm counts_only({1, 1, 1}, 0);
   CANDELA_TRY(for_each_task(
-      divide_up(unit.end - unit.begin, kBootstrapChunk), tallies_only, run,
-      [&](std::uint64_t chunk, film::Tallies& tallies) {
-        const auto space = make_space(context, tallies, regularization_.bandwidth(0));
+      divide_up(unit.end - unit.begin, kBootstrapChunk), counts_only, run,
+      [&](std::uint64_t chunk, film::SampleCounts& sample_counts) {
+        const auto space = make_space(context, sample_counts, regularization_.bandwidth(0));
         mcmc::SplatList list;
         const std::uint64_t from = unit.begin + chunk * kBootstrapChunk;
         for (std::uint64_t i = from; i < std::min(from + kBootstrapChunk, unit.end); ++i) {
@@ -143,10 +143,10 @@ Result<void> ChainIntegrator::run_bootstrap(const UnitContext& context, const Un
             run.fault(key, &list.editable()[0].value.r);
             list.sum_again();
           }
-          contributions[i - unit.begin] = static_cast<float>(mcmc::usable_scalar(list, tallies));
+          contributions[i - unit.begin] = static_cast<float>(mcmc::usable_scalar(list, sample_counts));
         }
       }));
-  output.counts = tallies_only.tallies();
+  output.counts = counts_only.sample_counts();
   return {};
 }
 
@@ -183,7 +183,7 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
                                run.progress);
   RunContext quiet = run;  // progress is that of mutations: a segment may take long
   quiet.progress = nullptr;
-  const auto segment = [&](std::uint64_t i, film::Tallies& tallies) {
+  const auto segment = [&](std::uint64_t i, film::SampleCounts& sample_counts) {
     const std::uint64_t index = unit.begin + i;
     if (starts[i].record.segments != chains::segment_of(index, plan.chains)) {
       errors[i] =
@@ -196,9 +196,9 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
       progress.add(plan.segment_mutations);
     } else {
       const std::uint64_t begin = starts[i].record.segments * plan.segment_mutations;
-      const auto space = make_space(context, tallies, regularization_.bandwidth(begin));
+      const auto space = make_space(context, sample_counts, regularization_.bandwidth(begin));
       const mcmc::ChainOutlets outlets{&splatter,
-                                       tallies,
+                                       sample_counts,
                                        run.stop,
                                        &progress,
                                        run.fault,
@@ -209,7 +209,7 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
       if (!done.ok()) errors[i] = done.error();
       if (stays) records[i].counts.mollified.reset();
     }
-    if (direct_by_path_) direct.add(index, mcmc::kIndependentLayer, film, tallies, run);
+    if (direct_by_path_) direct.add(index, mcmc::kIndependentLayer, film, sample_counts, run);
   };
   CANDELA_ASSIGN(const std::uint64_t done, for_first_tasks(count, film, quiet, segment));
   records.resize(done);

@@ -31,9 +31,10 @@ class ChainIntegrator : public Integrator {
 
   // Fails where the chains cannot follow light in such a scene.
   virtual Result<void> check_scene(const scene::Scene& /*scene*/) const { return {}; }
-  // Another one for each thread and chain. It counts into the tallies and outlives neither them nor the
+  // Another one for each thread and chain. It counts into the sample counts and outlives neither them nor the
   // context. bandwidth: of mollified paths, if there are any.
-  virtual std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, film::Tallies& tallies,
+  virtual std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context,
+                                                       film::SampleCounts& sample_counts,
                                                        double bandwidth) const = 0;
 
   // Options of the paths that the chains follow.

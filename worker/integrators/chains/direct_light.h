@@ -31,8 +31,8 @@ class DirectLight {
         half_(half) {}
 
   // Adds samples of sequence index `segment` of the half. False: stopped.
-  bool add(std::uint64_t segment, std::uint32_t layer, film::UnitFilm& film, film::Tallies& tallies,
-           const RunContext& run) const {
+  bool add(std::uint64_t segment, std::uint32_t layer, film::UnitFilm& film,
+           film::SampleCounts& sample_counts, const RunContext& run) const {
     const bool signed_values = context_.filter.has_negative_lobes();
     const float weight =
         static_cast<float>(static_cast<double>(order_.pixels()) / static_cast<double>(samples_));
@@ -48,19 +48,20 @@ class DirectLight {
       const EyeRay eye = eye_ray(context_, x, y, sampler);
       const std::uint64_t key = sampler.sample_key();
       if (letters) letters->begin(key, eye.ray);
-      Spectrum value = radiance_(context_.scene, options_, techniques_, eye.ray, sampler, tallies, nullptr,
-                                 letters ? &*letters : nullptr) *
+      Spectrum value = radiance_(context_.scene, options_, techniques_, eye.ray, sampler, sample_counts,
+                                 nullptr, letters ? &*letters : nullptr) *
                        eye.weight;
       value *= weight;
       if (run.fault != nullptr) run.fault(key, &value.r);
-      const bool kept = film.splat(layer, x, y, {value.r, value.g, value.b}, key, tallies, signed_values);
+      const bool kept =
+          film.splat(layer, x, y, {value.r, value.g, value.b}, key, sample_counts, signed_values);
       if (letters && kept) {
         letters->sums().scale(eye.weight);  // in two steps, as the image's value
         letters->sums().write(film, x, y, weight, key, layer * context_.letters->layer_count());
       }
       at = order_.next(at);
     }
-    tallies.eye_samples += samples_;
+    sample_counts.eye_samples += samples_;
     return true;
   }
 

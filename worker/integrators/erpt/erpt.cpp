@@ -31,8 +31,8 @@ enum Purpose : std::uint64_t { sample, rounding, chains };
 class FilmDeposit final : public mcmc::Deposit {
  public:
   // factor: pixels / (M N). layer: the film has one of mollified light, 1.
-  FilmDeposit(const transport::Splatter& film, double factor, bool layer, film::Tallies& tallies)
-      : film_(film), factor_(factor), layer_(layer), tallies_(tallies) {}
+  FilmDeposit(const transport::Splatter& film, double factor, bool layer, film::SampleCounts& sample_counts)
+      : film_(film), factor_(factor), layer_(layer), sample_counts_(sample_counts) {}
 
   void add(std::uint32_t /*layer*/, const mcmc::SplatList& list, double weight, std::uint64_t key) override {
     if (!(weight > 0)) return;
@@ -42,7 +42,7 @@ class FilmDeposit final : public mcmc::Deposit {
       const auto put = [&](std::uint32_t to, const Spectrum& value) {
         const auto scaled = [&](float x) { return static_cast<float>(static_cast<double>(x) * scale); };
         film_.splat(to, splat.at, {scaled(value.r), scaled(value.g), scaled(value.b)}, rng::combine(key, i),
-                    tallies_);
+                    sample_counts_);
       };
       put(0, splat.value);
       if (const Spectrum part = list.mollified(i); layer_ && !part.is_black()) put(1, part);
@@ -54,7 +54,7 @@ class FilmDeposit final : public mcmc::Deposit {
   const transport::Splatter& film_;
   double factor_;
   bool layer_;
-  film::Tallies& tallies_;
+  film::SampleCounts& sample_counts_;
 };
 
 class ErptIntegrator final : public IterationIntegrator {
@@ -81,9 +81,10 @@ class ErptIntegrator final : public IterationIntegrator {
           .with_mend("use path, bdpt, pssmlt or mmlt");
     Decision decision{{}, plan()};
     if (!has_chains()) return decision;
-    CANDELA_ASSIGN(const erpt::SeedStatistics statistics,
-                   erpt::seed_statistics([&](film::Tallies& /*tallies*/) { return make_space(context, 0); },
-                                         context.seed, static_cast<std::uint64_t>(settings_.bootstrap), run));
+    CANDELA_ASSIGN(
+        const erpt::SeedStatistics statistics,
+        erpt::seed_statistics([&](film::SampleCounts& /*sample_counts*/) { return make_space(context, 0); },
+                              context.seed, static_cast<std::uint64_t>(settings_.bootstrap), run));
     decision.bytes = erpt::to_bytes(erpt::choose_energies(statistics, settings_, decision.plan));
     return decision;
   }
@@ -126,11 +127,12 @@ class ErptIntegrator final : public IterationIntegrator {
     const double factor = pixels / (static_cast<double>(energies.mutations) * static_cast<double>(seeds));
     const transport::Splatter splatter(context.filter, film, context.width, context.height);
     return for_each_task(
-        chunks * (unit.end - unit.begin), film, run, [&](std::uint64_t task, film::Tallies& tallies) {
+        chunks * (unit.end - unit.begin), film, run,
+        [&](std::uint64_t task, film::SampleCounts& sample_counts) {
           const std::uint64_t index = unit.begin + task / chunks, from = task % chunks * kSeedChunk;
           const auto space = make_space(context, global_iteration(unit.half, index));
-          const mcmc::ChainOutlets outlets{&splatter, tallies, run.stop, nullptr, run.fault, nullptr};
-          FilmDeposit deposit(splatter, factor, regularization_.layer(), tallies);
+          const mcmc::ChainOutlets outlets{&splatter, sample_counts, run.stop, nullptr, run.fault, nullptr};
+          FilmDeposit deposit(splatter, factor, regularization_.layer(), sample_counts);
           mcmc::RedistributionCounts counts;
           for (std::uint64_t j = from; j < std::min(from + kSeedChunk, seeds); ++j) {
             if (run.stopped()) return;
@@ -155,10 +157,10 @@ class ErptIntegrator final : public IterationIntegrator {
     if (has_chains()) quiet.progress = nullptr;
     const float weight = 1 / static_cast<float>(samples);
     return run_eye_samples(context, of_samples, film, quiet,
-                           [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies,
+                           [&](const Ray& ray, samplers::Sampler& sampler, film::SampleCounts& sample_counts,
                                transport::EyeLetters* /*letters*/) {
                              return radiance_(context.scene, direct_options_, direct_.techniques, ray,
-                                              sampler, tallies, nullptr, nullptr) *
+                                              sampler, sample_counts, nullptr, nullptr) *
                                     weight;
                            });
   }

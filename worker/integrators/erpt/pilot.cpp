@@ -37,15 +37,15 @@ Result<SeedStatistics> seed_statistics(const MakeSpace& make_space, std::uint64_
   RunContext quiet = run;
   quiet.progress = nullptr;
   CANDELA_TRY(for_each_task((samples + kChunk - 1) / kChunk, no_film, quiet,
-                            [&](std::uint64_t chunk, film::Tallies& tallies) {
+                            [&](std::uint64_t chunk, film::SampleCounts& sample_counts) {
                               work_step();
-                              const auto space = make_space(tallies);
+                              const auto space = make_space(sample_counts);
                               mcmc::SplatList list;
                               const std::uint64_t from = chunk * kChunk;
                               for (std::uint64_t i = from; i < std::min(from + kChunk, samples); ++i) {
                                 if (run.stopped()) return;
                                 space->start(rng::key(seed, kPilot, i), list);
-                                scalars[i] = mcmc::usable_scalar(list, tallies);
+                                scalars[i] = mcmc::usable_scalar(list, sample_counts);
                               }
                             }));
   SeedStatistics result;

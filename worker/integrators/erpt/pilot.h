@@ -22,7 +22,7 @@ struct SeedStatistics {
   double one_plus_variance() const;
 };
 
-using MakeSpace = std::function<std::unique_ptr<mcmc::StateSpace>(film::Tallies&)>;
+using MakeSpace = std::function<std::unique_ptr<mcmc::StateSpace>(film::SampleCounts&)>;
 
 // Fails only if it is stopped.
 Result<SeedStatistics> seed_statistics(const MakeSpace& make_space, std::uint64_t seed, std::uint64_t samples,

@@ -7,7 +7,7 @@
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/light_paths.h"
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/plan_walks.h"
 #include "worker/scene/objects.h"
 
@@ -16,18 +16,18 @@ namespace {
 
 using estimators::PathOptions;
 using estimators::Techniques;
-using transport::Between;
+using transport::EdgeContent;
 
 // Emitters seen by the camera, straight through what passes light on.
-template <Between kBetween>
+template <EdgeContent kEdgeContent>
 Result<void> run_eye_rays(PathOptions options, const UnitContext& context, const Unit& unit,
                           film::UnitFilm& film, const RunContext& run) {
   options.max_depth = 1;
   return run_eye_samples(context, unit, film, run,
-                         estimators::EyeRadianceFunction<kBetween>(context.scene, options));
+                         estimators::EyeRadianceFunction<kEdgeContent>(context.scene, options));
 }
 
-template <Between kBetween, class Mis>
+template <EdgeContent kEdgeContent, class Mis>
 Result<void> run_light(const PathOptions& options, const Techniques& techniques, const UnitContext& context,
                        const Unit& unit, film::UnitFilm& film, const RunContext& run) {
   const std::uint64_t paths = std::uint64_t{context.width} * context.height;
@@ -35,20 +35,20 @@ Result<void> run_light(const PathOptions& options, const Techniques& techniques,
                                       static_cast<float>(context.filter.radius())};
   const transport::Splatter splatter(context.filter, film, context.width, context.height);
   const transport::ConstantEta no_merging;
-  if constexpr (kBetween == Between::media) {
+  if constexpr (kEdgeContent == EdgeContent::media) {
     const estimators::EditedNoStore no_store;
     if (context.scene.objects().path_edits != nullptr)
-      return run_light_paths(context, unit, paths, film, run, [&](film::Tallies& tallies) {
-        return estimators::LightTracing<kBetween, Mis, const estimators::EditedNoStore,
+      return run_light_paths(context, unit, paths, film, run, [&](film::SampleCounts& sample_counts) {
+        return estimators::LightTracing<kEdgeContent, Mis, const estimators::EditedNoStore,
                                         transport::ConstantEta>(context.scene, options, techniques, counts,
-                                                                no_merging, splatter, no_store, tallies, 0,
-                                                                context.letters);
+                                                                no_merging, splatter, no_store, sample_counts,
+                                                                0, context.letters);
       });
   }
   const estimators::NoStore no_store;
-  return run_light_paths(context, unit, paths, film, run, [&](film::Tallies& tallies) {
-    return estimators::LightTracing<kBetween, Mis, const estimators::NoStore, transport::ConstantEta>(
-        context.scene, options, techniques, counts, no_merging, splatter, no_store, tallies, 0,
+  return run_light_paths(context, unit, paths, film, run, [&](film::SampleCounts& sample_counts) {
+    return estimators::LightTracing<kEdgeContent, Mis, const estimators::NoStore, transport::ConstantEta>(
+        context.scene, options, techniques, counts, no_merging, splatter, no_store, sample_counts, 0,
         context.letters);
   });
 }
@@ -60,32 +60,33 @@ class LightIntegrator final : public IterationIntegrator {
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
     const bool edited = context.scene.objects().path_edits != nullptr;
-    return with_between(edited ? Between::media : planned_.between, [&](auto between) {
+    return with_edge_content(edited ? EdgeContent::media : planned_.between, [&](auto between) {
       return run_kernel<between()>(context, unit, *output.film, run_context);
     });
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
     if (context.scene.objects().path_edits == nullptr) return pilot_by_eye_walk(context, count, options_);
-    return pilot_eye_samples(context, count,
-                             [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
-                               return estimators::path_radiance_with_edits(
-                                   context.scene, options_, {}, ray, sampler, tallies, nullptr, nullptr);
-                             });
+    return pilot_eye_samples(
+        context, count, [&](const Ray& ray, samplers::Sampler& sampler, film::SampleCounts& sample_counts) {
+          return estimators::path_radiance_with_edits(context.scene, options_, {}, ray, sampler,
+                                                      sample_counts, nullptr, nullptr);
+        });
   }
 
  private:
   // Both techniques can find the same light through a finite lens; then they are weighted.
-  template <Between kBetween>
+  template <EdgeContent kEdgeContent>
   Result<void> run_kernel(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
                           const RunContext& run) const {
     if (planned_.techniques.eye_paths)
-      CANDELA_TRY(run_eye_rays<kBetween>(options_, context, unit, film, run));
+      CANDELA_TRY(run_eye_rays<kEdgeContent>(options_, context, unit, film, run));
     if (planned_.techniques.hit_lens)
-      return run_light<kBetween, transport::Balance>(options_, planned_.techniques, context, unit, film, run);
+      return run_light<kEdgeContent, transport::Balance>(options_, planned_.techniques, context, unit, film,
+                                                         run);
     if (planned_.techniques.light_image)
-      return run_light<kBetween, transport::Unweighted>(options_, planned_.techniques, context, unit, film,
-                                                        run);
+      return run_light<kEdgeContent, transport::Unweighted>(options_, planned_.techniques, context, unit,
+                                                            film, run);
     return {};
   }
 };
@@ -119,7 +120,7 @@ Planned plan_light(const PathOptions& options, const scene::SceneFeatures& featu
   if (features.any_delta_bsdf)
     plan.skip("what the camera sees by specular reflection or refraction",
               "light tracing cannot find it: bdpt or vcm can");
-  planned.between = plan_between(features, plan);
+  planned.between = plan_edge_content(features, plan);
   return planned;
 }
 

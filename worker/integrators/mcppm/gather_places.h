@@ -18,7 +18,7 @@ class GatherPlaces {
  public:
   // Follows the eye paths of an iteration, the same as the gathering pass, with its radii. Counts rays alone:
   // the gathering pass counts the rest.
-  template <transport::Between kBetween>
+  template <transport::EdgeContent kEdgeContent>
   Result<void> trace(const UnitContext& context, const merging::IterationOptions& options,
                      const estimators::PathCounts& counts, const transport::MergeScale& scale,
                      std::uint32_t half, std::uint64_t index, film::UnitFilm& film, const RunContext& run,
@@ -39,7 +39,7 @@ class GatherPlaces {
   struct Found {
     std::vector<Vec3> on_surfaces, in_media;
   };
-  template <transport::Between kBetween>
+  template <transport::EdgeContent kEdgeContent>
   class Walker;
   void build(const std::vector<Found>& tiles, std::vector<Vec3> Found::*places, float radius,
              unsigned threads, transport::RangeSearch& search);
@@ -50,24 +50,24 @@ class GatherPlaces {
 };
 
 // The walk of estimators::PpmEye, which only notes where it would gather.
-template <transport::Between kBetween>
+template <transport::EdgeContent kEdgeContent>
 class GatherPlaces::Walker : public transport::EyeTechniques {
  public:
-  using EyeWalk = typename estimators::PpmEye<kBetween, transport::ConstantScale>::EyeWalk;
+  using EyeWalk = typename estimators::PpmEye<kEdgeContent, transport::ConstantScale>::EyeWalk;
   using Vertex = typename EyeWalk::Vertex;
 
   Walker(const UnitContext& context, const merging::IterationOptions& options,
-         const estimators::PathCounts& counts, Found& found, film::Tallies& tallies)
+         const estimators::PathCounts& counts, Found& found, film::SampleCounts& sample_counts)
       : scene_(context.scene),
         techniques_(options.techniques),
         rules_(estimators::eye_rules(options.paths, options.techniques, counts)),
         walk_{std::isfinite(
-            estimators::PpmEye<kBetween, transport::ConstantScale>::max_density(context.scene))},
+            estimators::PpmEye<kEdgeContent, transport::ConstantScale>::max_density(context.scene))},
         found_(found),
-        tallies_(tallies) {}
+        sample_counts_(sample_counts) {}
 
   void trace(const Ray& ray, samplers::Sampler& sampler) {
-    EyeWalk walk(scene_, rules_, factors_, sampler, tallies_);
+    EyeWalk walk(scene_, rules_, factors_, sampler, sample_counts_);
     transport::follow_eye_path(walk, ray, room_, *this);
   }
 
@@ -91,11 +91,11 @@ class GatherPlaces::Walker : public transport::EyeTechniques {
   const transport::WalkRules rules_;
   const estimators::PpmWalk walk_;
   Found& found_;
-  film::Tallies& tallies_;
+  film::SampleCounts& sample_counts_;
   transport::VertexPair<transport::NoBlock> room_;
 };
 
-template <transport::Between kBetween>
+template <transport::EdgeContent kEdgeContent>
 Result<void> GatherPlaces::trace(const UnitContext& context, const merging::IterationOptions& options,
                                  const estimators::PathCounts& counts, const transport::MergeScale& scale,
                                  std::uint32_t half, std::uint64_t index, film::UnitFilm& film,
@@ -106,11 +106,12 @@ Result<void> GatherPlaces::trace(const UnitContext& context, const merging::Iter
   std::vector<Found> tiles(std::size_t{tiles_x} * tiles_y);
   CANDELA_TRY(for_each_tile(
       context.width, context.height, film, run,
-      [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1, film::Tallies& tallies) {
+      [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
+          film::SampleCounts& sample_counts) {
         Found& found = tiles[std::size_t{y0 / kTile} * tiles_x + x0 / kTile];
-        film::Tallies own;
+        film::SampleCounts own;
         samplers::Sampler sampler(context.sampler, context.seed);
-        Walker<kBetween> walker(context, options, counts, found, own);
+        Walker<kEdgeContent> walker(context, options, counts, found, own);
         for (std::uint32_t y = y0; y < y1; ++y) {
           for (std::uint32_t x = x0; x < x1; ++x) {
             sampler.start(half, index, x, y);
@@ -119,7 +120,7 @@ Result<void> GatherPlaces::trace(const UnitContext& context, const merging::Iter
           }
           if (run.stopped()) return;
         }
-        tallies.rays += own.rays;
+        sample_counts.rays += own.rays;
       },
       span));
   disc_radius_ = scale.disc_radius;

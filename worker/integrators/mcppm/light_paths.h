@@ -19,23 +19,23 @@ using PhotonStore = estimators::LightStore<Block>;
 // The light paths of a thread: an mcmc::IndicatorTarget over the visible ones. Photons of states are at the
 // end of the store: first those of the present state, then those of the proposal. A deposit leaves them there
 // for good. Only photons near gather places are kept.
-template <transport::Between kBetween>
+template <transport::EdgeContent kEdgeContent>
 class LightPaths {
  public:
-  using LightWalk = transport::Walk<transport::TransportMode::importance, kBetween, transport::Unweighted,
+  using LightWalk = transport::Walk<transport::TransportMode::importance, kEdgeContent, transport::Unweighted,
                                     mcmc::PrimarySampler>;
   using Vertex = typename LightWalk::Vertex;
 
   // All by reference but the counts: they outlive the paths.
   LightPaths(const UnitContext& context, const merging::IterationOptions& options,
              const estimators::PathCounts& counts, const GatherPlaces& places, PhotonStore& store,
-             film::Tallies& tallies)
+             film::SampleCounts& sample_counts)
       : scene_(context.scene),
         rules_(estimators::light_rules(options.paths, options.techniques, counts)),
         places_(places),
         store_(store),
-        tallies_(tallies) {
-    if (transport::reads_letters<kBetween>(context.letters)) letters_.emplace(*context.letters);
+        sample_counts_(sample_counts) {
+    if (transport::reads_letters<kEdgeContent>(context.letters)) letters_.emplace(*context.letters);
   }
 
   // True if the path of these numbers is visible. Leaves nothing.
@@ -55,7 +55,7 @@ class LightPaths {
     proposal_ = mark();
   }
   bool propose(mcmc::PrimaryState& numbers) {
-    ++tallies_.light_paths;
+    ++sample_counts_.light_paths;
     return trace(numbers, proposal_);
   }
   void accept() {
@@ -76,7 +76,7 @@ class LightPaths {
   static void met_lens(const LightWalk& /*walk*/, std::uint64_t /*key*/) {}
   bool vertex(const LightWalk& /*walk*/, const Vertex& v, std::uint64_t /*key*/) {
     if (!v.connectible || !places_.see(v)) return true;
-    store_.keep(scene_, v, false, by_specular_, tallies_, letters_ ? &letters_->states() : nullptr);
+    store_.keep(scene_, v, false, by_specular_, sample_counts_, letters_ ? &letters_->states() : nullptr);
     return !first_alone_ || mark() == begin_;
   }
   bool scattered(const LightWalk& walk, const Vertex& v) {
@@ -100,7 +100,7 @@ class LightPaths {
   bool trace(mcmc::PrimaryState& numbers, const Mark& begin) {
     begin_ = begin;
     by_specular_ = false;
-    LightWalk walk(scene_, rules_, factors_, numbers.walk(mcmc::PrimaryState::light), tallies_);
+    LightWalk walk(scene_, rules_, factors_, numbers.walk(mcmc::PrimaryState::light), sample_counts_);
     transport::follow_light_path(walk, room_, *this);
     return mark() != begin;
   }
@@ -110,7 +110,7 @@ class LightPaths {
   const transport::WalkRules rules_;
   const GatherPlaces& places_;
   PhotonStore& store_;
-  film::Tallies& tallies_;
+  film::SampleCounts& sample_counts_;
   transport::VertexPair<Block> room_;
   std::optional<transport::LightLetters> letters_;
   Mark present_, proposal_, begin_;  // begin_: of the path under way

@@ -16,7 +16,7 @@
 #include "worker/integrators/merging/first_radius.h"
 #include "worker/integrators/merging/iterations.h"
 #include "worker/integrators/merging/one_radius.h"
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/ppm/plan.h"
 
 namespace candela::integrators {
@@ -89,7 +89,7 @@ class McppmIntegrator final : public IterationIntegrator {
     const auto state = input.states.find(photon_chains::kRule);
     CANDELA_ASSIGN(const double step,
                    photon_chains::step_of(state == input.states.end() ? std::string_view() : state->second));
-    return with_between(planned_.between, [&](auto between) {
+    return with_edge_content(planned_.between, [&](auto between) {
       return run_chains<between()>(context, unit, decided, step_sizes(step), output, run);
     });
   }
@@ -121,10 +121,10 @@ class McppmIntegrator final : public IterationIntegrator {
             static_cast<std::uint64_t>(settings_.mutations_per_path * static_cast<double>(paths) + 0.5)};
   }
 
-  template <transport::Between kBetween>
+  template <transport::EdgeContent kEdgeContent>
   Result<void> run_chains(const UnitContext& context, const Unit& unit, const Decided& decided,
                           mcmc::StepSizes steps, UnitOutput& output, const RunContext& run) const {
-    using Eye = estimators::PpmEye<kBetween, transport::ConstantScale>;
+    using Eye = estimators::PpmEye<kEdgeContent, transport::ConstantScale>;
     using mcppm::Block;
     const estimators::Techniques& techniques = iterations_.techniques;
     const mcppm::IterationSize size = splits() ? decided.split : size_by_setting(context);
@@ -144,14 +144,14 @@ class McppmIntegrator final : public IterationIntegrator {
       estimators::LightSide<Block, transport::ConstantScale> side{
           {}, photons, path_count, scales.field(global_iteration(unit.half, index)), context.letters};
       const transport::MergeScale& scale = side.field.scale;
-      CANDELA_TRY(places.trace<kBetween>(context, iterations_, counts, scale, unit.half, index, film, run,
-                                         progress_part(part++, parts)));
+      CANDELA_TRY(places.trace<kEdgeContent>(context, iterations_, counts, scale, unit.half, index, film, run,
+                                             progress_part(part++, parts)));
       const mcppm::PhotonPass pass{context, iterations_, counts, places, unit.half, index};
       CANDELA_ASSIGN(const std::vector<std::uint64_t> visible,
-                     mcppm::visible_paths<kBetween>(pass, film, run, progress_part(part++, parts)));
+                     mcppm::visible_paths<kEdgeContent>(pass, film, run, progress_part(part++, parts)));
       CANDELA_ASSIGN(const std::uint64_t accepted,
-                     mcppm::spread<kBetween>(pass, visible, mutations, steps, photons, film, run,
-                                             progress_part(part++, parts)));
+                     mcppm::spread<kEdgeContent>(pass, visible, mutations, steps, photons, film, run,
+                                                 progress_part(part++, parts)));
       side.maps.max_edges = iterations_.paths.max_depth;
       side.maps.per_path = static_cast<float>(1 / paths);
       side.maps.max_density = Eye::max_density(context.scene);
@@ -177,11 +177,11 @@ class McppmIntegrator final : public IterationIntegrator {
                     std::uint64_t accepted, std::uint64_t key, const UnitContext& context,
                     UnitOutput& output) {
     if (output.accumulators.empty()) return;
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     photon_chains::add(
         {1, visible == 0 ? 1U : 0U, light_paths, visible, mutations, accepted, visible * visible}, key,
-        *output.accumulators[0], context.width, tallies);
-    output.film->count(tallies);
+        *output.accumulators[0], context.width, sample_counts);
+    output.film->count(sample_counts);
   }
 
   const McppmSettings settings_;

@@ -41,22 +41,23 @@ struct PhotonPass {
 };
 
 // The numbers of the visible ones among the independent light paths, in order.
-template <transport::Between kBetween>
+template <transport::EdgeContent kEdgeContent>
 Result<std::vector<std::uint64_t>> visible_paths(const PhotonPass& pass, film::UnitFilm& film,
                                                  const RunContext& run, ProgressSpan span) {
   std::vector<std::vector<std::uint64_t>> found(light_chunk_count(pass.light_path_count()));
   CANDELA_TRY(for_each_light_chunk(
       pass.light_path_count(), film, run,
-      [&](std::uint64_t begin, std::uint64_t end, film::Tallies& tallies) {
+      [&](std::uint64_t begin, std::uint64_t end, film::SampleCounts& sample_counts) {
         PhotonStore room{pass.keeping(), {}, {}, {}};
-        LightPaths<kBetween> paths(pass.context, pass.options, pass.counts, pass.places, room, tallies);
+        LightPaths<kEdgeContent> paths(pass.context, pass.options, pass.counts, pass.places, room,
+                                       sample_counts);
         mcmc::PrimaryState numbers({});
         for (std::uint64_t path = begin; path < end; ++path) {
           if (path % 64 == 0 && run.stopped()) return;
           numbers.start(pass.path_key(path));
           if (paths.visible(numbers)) found[begin / kLightChunk].push_back(path);
         }
-        tallies.light_paths += end - begin;
+        sample_counts.light_paths += end - begin;
       },
       span));
   std::vector<std::uint64_t> all;
@@ -66,7 +67,7 @@ Result<std::vector<std::uint64_t>> visible_paths(const PhotonPass& pass, film::U
 
 // Spreads each of these light paths over a chain. `photons` gets what the states of all chains leave, each
 // photon with its weight times the number of light paths. Returns the number of accepted mutations.
-template <transport::Between kBetween>
+template <transport::EdgeContent kEdgeContent>
 Result<std::uint64_t> spread(const PhotonPass& pass, const std::vector<std::uint64_t>& visible,
                              std::uint64_t mutations, mcmc::StepSizes steps,
                              merging::LightChunks<Block>& photons, film::UnitFilm& film,
@@ -83,11 +84,12 @@ Result<std::uint64_t> spread(const PhotonPass& pass, const std::vector<std::uint
   std::vector<std::uint64_t> accepted(tasks);
   CANDELA_TRY(for_each_task(
       tasks, film, run,
-      [&](std::uint64_t task, film::Tallies& tallies) {
+      [&](std::uint64_t task, film::SampleCounts& sample_counts) {
         PhotonStore& store = photons[task];
         store.keeping = pass.keeping();
         store.clear();
-        LightPaths<kBetween> paths(pass.context, pass.options, pass.counts, pass.places, store, tallies);
+        LightPaths<kEdgeContent> paths(pass.context, pass.options, pass.counts, pass.places, store,
+                                       sample_counts);
         mcmc::PrimaryState numbers(steps);
         for (std::uint64_t c = task * each; c < std::min(chains, (task + 1) * each); ++c) {
           if (run.stopped()) return;

@@ -10,7 +10,7 @@
 #include "worker/integrators/merging/chosen_radius.h"
 #include "worker/integrators/merging/first_radius.h"
 #include "worker/integrators/merging/scales.h"
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_edge_content.h"
 
 namespace candela::integrators::mcppm {
 namespace {
@@ -21,7 +21,7 @@ constexpr std::uint64_t kPilotSeed = 0x6d6370696c6f74ULL;  // "mcpilot"
 
 }  // namespace
 
-Result<VisibleFraction> visible_fraction(transport::Between between, const UnitContext& context,
+Result<VisibleFraction> visible_fraction(transport::EdgeContent between, const UnitContext& context,
                                          const merging::IterationOptions& options, double radius,
                                          const RunContext& run) {
   const double pixels = static_cast<double>(context.width) * context.height;
@@ -46,7 +46,7 @@ Result<VisibleFraction> visible_fraction(transport::Between between, const UnitC
   RunContext quiet = run;
   quiet.progress = nullptr;
   GatherPlaces places;
-  return with_between(between, [&](auto form) -> Result<VisibleFraction> {
+  return with_edge_content(between, [&](auto form) -> Result<VisibleFraction> {
     work_step();
     CANDELA_TRY(places.trace<form()>(small, options, counts, scale, 0, 0, no_film, quiet, {}));
     work_step();

@@ -23,7 +23,7 @@ struct VisibleFraction {
 // gather places, from a pilot of few paths. A large film is replaced by a smaller one whose discs are as much
 // larger: they cover the same share of the surfaces. A pure function of the scene, the film's size, the seed
 // and the arguments. Fails only if it is stopped.
-Result<VisibleFraction> visible_fraction(transport::Between between, const UnitContext& context,
+Result<VisibleFraction> visible_fraction(transport::EdgeContent between, const UnitContext& context,
                                          const merging::IterationOptions& options, double radius,
                                          const RunContext& run);
 

@@ -25,10 +25,12 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
   film::UnitFilm& film = *output.film;
   return for_each_tile(
       context.width, context.height, film, run,
-      [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1, film::Tallies& tallies) {
+      [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
+          film::SampleCounts& sample_counts) {
         const PixelsAlone alone(context.width, context.height, context.filter.radius(), x0, y0, x1, y1);
         samplers::Sampler sampler(context.sampler, context.seed);
-        EyeEstimator eye(context.scene, options.paths, options.techniques, counts, side, statistics, tallies);
+        EyeEstimator eye(context.scene, options.paths, options.techniques, counts, side, statistics,
+                         sample_counts);
         for (std::uint32_t y = y0; y < y1; ++y) {
           for (std::uint32_t x = x0; x < x1; ++x) {
             sampler.start(half, index, x, y);
@@ -36,18 +38,19 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
             const EyeRay ray = eye_ray(context, x, y, sampler);
             Spectrum value = eye.trace(ray.ray, ray.at, pixel % side.path_count, sampler) * ray.weight;
             if (run.fault != nullptr) run.fault(sampler.sample_key(), &value.r);
-            const bool kept =
-                film.add(0, x, y, {value.r, value.g, value.b}, sampler.sample_key(), tallies, signed_values);
+            const bool kept = film.add(0, x, y, {value.r, value.g, value.b}, sampler.sample_key(),
+                                       sample_counts, signed_values);
             if (options.merging_layer && kept) {
               const Spectrum merged = eye.merged() * ray.weight;
-              film.add(1, x, y, {merged.r, merged.g, merged.b}, sampler.sample_key(), tallies, signed_values);
+              film.add(1, x, y, {merged.r, merged.g, merged.b}, sampler.sample_key(), sample_counts,
+                       signed_values);
             }
             if constexpr (requires { eye.shares(); }) {
               if (options.technique_layers && kept) {
                 std::uint32_t layer = 0;
                 for (const Spectrum& share : eye.shares()) {
                   const Spectrum part = share * ray.weight;
-                  film.add(++layer, x, y, {part.r, part.g, part.b}, sampler.sample_key(), tallies,
+                  film.add(++layer, x, y, {part.r, part.g, part.b}, sampler.sample_key(), sample_counts,
                            signed_values);
                 }
               }
@@ -60,11 +63,11 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
                 const auto [at_x, at_y] = transport::pixel_of(ray.at, context.width, context.height);
                 if (!eye.statistics().write(output.accumulators, at_x, at_y, ray.weight, sampler.sample_key(),
                                             alone.contains(at_x, at_y))) [[unlikely]]
-                  ++tallies.rejected[static_cast<std::size_t>(film::RejectCause::statistics)];
+                  ++sample_counts.rejected[static_cast<std::size_t>(film::RejectCause::statistics)];
               }
             }
           }
-          tallies.eye_samples += x1 - x0;
+          sample_counts.eye_samples += x1 - x0;
           if (run.stopped()) return;
         }
       },
@@ -79,7 +82,7 @@ Result<void> run_iterations(const UnitContext& context, const Unit& unit, const 
   using Mis = typename EyeEstimator::Mis;
   using Block = typename Mis::Block;
   using Field = typename Scales::Field;
-  constexpr transport::Between kBetween = EyeEstimator::EyeWalk::kContent;
+  constexpr transport::EdgeContent kEdgeContent = EyeEstimator::EyeWalk::kContent;
   const estimators::Techniques& techniques = options.techniques;
   const std::uint64_t path_count = light_path_count(options.merge, context);
   const auto paths = static_cast<double>(path_count);
@@ -105,12 +108,13 @@ Result<void> run_iterations(const UnitContext& context, const Unit& unit, const 
       const transport::EtaOf<Field> eta{side.field};
       const ProgressSpan span = progress_part(phase, phases);
       if constexpr (EyeEstimator::kEdits)
-        CANDELA_TRY(
-            (run_edited_light_pass<kBetween, Mis>(context, options.paths, techniques, counts, keeping, eta,
-                                                  unit.half, index, chunks, edits, *output.film, run, span)));
+        CANDELA_TRY((run_edited_light_pass<kEdgeContent, Mis>(context, options.paths, techniques, counts,
+                                                              keeping, eta, unit.half, index, chunks, edits,
+                                                              *output.film, run, span)));
       else
-        CANDELA_TRY((run_light_pass<kBetween, Mis>(context, options.paths, techniques, counts, keeping, eta,
-                                                   unit.half, index, chunks, *output.film, run, span)));
+        CANDELA_TRY(
+            (run_light_pass<kEdgeContent, Mis>(context, options.paths, techniques, counts, keeping, eta,
+                                               unit.half, index, chunks, *output.film, run, span)));
     }
     const SearchRadii radii = scales.search_radii(side.field);
     if (techniques.merge_surface) {

@@ -17,7 +17,7 @@ using LightChunks = std::vector<estimators::LightStore<Block>>;
 
 // All of iteration `index` of the half. store_of(chunk) makes the chunk's store, empty, or refers to it: see
 // LightTracing, which has image_layer too.
-template <transport::Between kBetween, class Mis, transport::EtaField Eta, class StoreOf>
+template <transport::EdgeContent kEdgeContent, class Mis, transport::EtaField Eta, class StoreOf>
 Result<void> trace_light_paths(const UnitContext& context, const estimators::PathOptions& options,
                                const estimators::Techniques& techniques, const estimators::PathCounts& counts,
                                const Eta& eta, std::uint32_t half, std::uint64_t index,
@@ -27,11 +27,11 @@ Result<void> trace_light_paths(const UnitContext& context, const estimators::Pat
                                      context.camera_units);
   return for_each_light_chunk(
       static_cast<std::uint64_t>(counts.light_paths), film, run,
-      [&](std::uint64_t begin, std::uint64_t end, film::Tallies& tallies) {
+      [&](std::uint64_t begin, std::uint64_t end, film::SampleCounts& sample_counts) {
         auto&& store = store_of(begin / kLightChunk);
         samplers::Sampler sampler(context.sampler, context.seed);
-        estimators::LightTracing<kBetween, Mis, std::remove_reference_t<decltype(store)>, Eta> light(
-            context.scene, options, techniques, counts, eta, splatter, store, tallies, image_layer,
+        estimators::LightTracing<kEdgeContent, Mis, std::remove_reference_t<decltype(store)>, Eta> light(
+            context.scene, options, techniques, counts, eta, splatter, store, sample_counts, image_layer,
             context.letters);
         for (std::uint64_t path = begin; path < end; ++path) {
           if (path % 64 == 0 && run.stopped()) return;
@@ -39,13 +39,13 @@ Result<void> trace_light_paths(const UnitContext& context, const estimators::Pat
           light(path, sampler);
           store.end_path();
         }
-        tallies.light_paths += end - begin;
+        sample_counts.light_paths += end - begin;
       },
       span);
 }
 
 // The same into chunks, which are resized to light_chunk_count(counts.light_paths).
-template <transport::Between kBetween, class Mis, transport::EtaField Eta>
+template <transport::EdgeContent kEdgeContent, class Mis, transport::EtaField Eta>
 Result<void> run_light_pass(const UnitContext& context, const estimators::PathOptions& options,
                             const estimators::Techniques& techniques, const estimators::PathCounts& counts,
                             const estimators::LightKeeping& keeping, const Eta& eta, std::uint32_t half,
@@ -57,12 +57,12 @@ Result<void> run_light_pass(const UnitContext& context, const estimators::PathOp
     chunks[chunk].clear();
     return chunks[chunk];
   };
-  return trace_light_paths<kBetween, Mis>(context, options, techniques, counts, eta, half, index, store_of,
-                                          film, run, span);
+  return trace_light_paths<kEdgeContent, Mis>(context, options, techniques, counts, eta, half, index,
+                                              store_of, film, run, span);
 }
 
 // The same with edits that select by more of the path than the vertex.
-template <transport::Between kBetween, class Mis, transport::EtaField Eta>
+template <transport::EdgeContent kEdgeContent, class Mis, transport::EtaField Eta>
 Result<void> run_edited_light_pass(const UnitContext& context, const estimators::PathOptions& options,
                                    const estimators::Techniques& techniques,
                                    const estimators::PathCounts& counts, estimators::LightKeeping keeping,
@@ -78,8 +78,8 @@ Result<void> run_edited_light_pass(const UnitContext& context, const estimators:
     edits.chunks[chunk].clear();
     return estimators::EditedLightStore<typename Mis::Block>{chunks[chunk], edits.chunks[chunk]};
   };
-  CANDELA_TRY((trace_light_paths<kBetween, Mis>(context, options, techniques, counts, eta, half, index,
-                                                store_of, film, run, span)));
+  CANDELA_TRY((trace_light_paths<kEdgeContent, Mis>(context, options, techniques, counts, eta, half, index,
+                                                    store_of, film, run, span)));
   edits.join();
   return {};
 }

@@ -65,9 +65,10 @@ double kth_distance(const std::vector<Vec3>& places, Vec3 from, std::size_t k, s
 
 double neighbor_radius(const UnitContext& context, const estimators::PathOptions& options, int neighbors,
                        double light_paths, const NeighborPilot& pilot) {
-  constexpr transport::Between kBetween = transport::Between::media;  // what all others are part of
+  constexpr transport::EdgeContent kEdgeContent =
+      transport::EdgeContent::media;  // what all others are part of
   const transport::MisFactors factors;
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   samplers::Sampler sampler(samplers::SamplerKind::independent,
                             rng::key(context.seed, 0x6e65696768ULL));  // "neigh"
   transport::VertexPair<transport::NoBlock> room;
@@ -76,8 +77,8 @@ double neighbor_radius(const UnitContext& context, const estimators::PathOptions
   for (std::uint64_t path = 0; path < pilot.light_paths; ++path) {
     work_step(path);
     sampler.start_light(0, 0, path);
-    transport::Walk<transport::TransportMode::importance, kBetween, Unweighted> walk(
-        context.scene, light_rules, factors, sampler, tallies);
+    transport::Walk<transport::TransportMode::importance, kEdgeContent, Unweighted> walk(
+        context.scene, light_rules, factors, sampler, sample_counts);
     transport::follow_light_path(walk, room, photons);
   }
   const auto kth = static_cast<std::size_t>(neighbors) - 1;
@@ -96,8 +97,8 @@ double neighbor_radius(const UnitContext& context, const estimators::PathOptions
           (static_cast<float>(j) + 0.5f) * static_cast<float>(context.height) /
               static_cast<float>(pilot.grid),
           {0.5f, 0.5f}, weight);
-      transport::Walk<transport::TransportMode::radiance, kBetween, Unweighted> walk(
-          context.scene, eye_rules, factors, sampler, tallies);
+      transport::Walk<transport::TransportMode::radiance, kEdgeContent, Unweighted> walk(
+          context.scene, eye_rules, factors, sampler, sample_counts);
       FirstVertex first;
       transport::follow_eye_path(walk, ray, room, first);
       if (!first.found || (!first.on_surface && !pilot.media)) continue;

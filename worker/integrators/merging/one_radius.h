@@ -9,10 +9,10 @@
 namespace candela::integrators::merging {
 
 // Adds to `output` what the unit brings, as Integrator::run does. between: of the scene's plan.
-Result<void> run_ppm(transport::Between between, const UnitContext& context, const Unit& unit,
+Result<void> run_ppm(transport::EdgeContent between, const UnitContext& context, const Unit& unit,
                      const UnitInput& input, const IterationOptions& options, UnitOutput& output,
                      const RunContext& run);
-Result<void> run_vcm(transport::Between between, const UnitContext& context, const Unit& unit,
+Result<void> run_vcm(transport::EdgeContent between, const UnitContext& context, const Unit& unit,
                      const UnitInput& input, const IterationOptions& options, UnitOutput& output,
                      const RunContext& run);
 

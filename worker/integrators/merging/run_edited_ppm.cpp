@@ -7,8 +7,8 @@ namespace candela::integrators::merging {
 
 Result<void> run_edited_ppm(const UnitContext& context, const Unit& unit, const UnitInput& input,
                             const IterationOptions& options, UnitOutput& output, const RunContext& run) {
-  using Eye =
-      estimators::PpmEye<transport::Between::media, transport::ConstantScale, transport::NoStatistics, true>;
+  using Eye = estimators::PpmEye<transport::EdgeContent::media, transport::ConstantScale,
+                                 transport::NoStatistics, true>;
   return run_progressive<Eye>(context, unit, input, options, output, run);
 }
 

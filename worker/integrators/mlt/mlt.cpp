@@ -60,7 +60,8 @@ class MltIntegrator final : public ChainIntegrator {
     return {};
   }
 
-  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, film::Tallies& /*tallies*/,
+  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context,
+                                               film::SampleCounts& /*sample_counts*/,
                                                double bandwidth) const override {
     const estimators::FilmDomain film(context.filter, context.width, context.height);
     return std::make_unique<mcmc::PathSpace>(

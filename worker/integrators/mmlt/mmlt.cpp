@@ -8,14 +8,14 @@
 #include "worker/integrators/chains/chain_integrator.h"
 #include "worker/integrators/mmlt/mollified.h"
 #include "worker/integrators/mmlt/target.h"
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/plan_walks.h"
 #include "worker/mcmc/primary_space.h"
 
 namespace candela::integrators {
 namespace {
 
-using transport::Between;
+using transport::EdgeContent;
 
 // For paths without a limit: roulette ends walks long before this length.
 constexpr std::uint32_t kLongest = 1u << 20;
@@ -60,22 +60,26 @@ class MmltIntegrator final : public ChainIntegrator {
     return std::max(options_.min_edges, seen ? 1U : 2U);
   }
 
-  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, film::Tallies& tallies,
+  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, film::SampleCounts& sample_counts,
                                                double bandwidth) const override {
     if (context.scene.objects().path_edits != nullptr)
-      return std::make_unique<mcmc::PrimarySpace>(target<Between::media, true>(context, tallies), steps_);
+      return std::make_unique<mcmc::PrimarySpace>(target<EdgeContent::media, true>(context, sample_counts),
+                                                  steps_);
     if (regularization_.runs())
       return std::make_unique<mcmc::PrimarySpace>(
-          mmlt::make_mollified_target(context, options_, planned_.techniques, lengths_, bandwidth, tallies),
+          mmlt::make_mollified_target(context, options_, planned_.techniques, lengths_, bandwidth,
+                                      sample_counts),
           steps_);
     return std::make_unique<mcmc::PrimarySpace>(
-        with_between(planned_.between, [&](auto between) { return target<between()>(context, tallies); }),
+        with_edge_content(planned_.between,
+                          [&](auto between) { return target<between()>(context, sample_counts); }),
         steps_);
   }
-  template <Between kBetween, bool kEdits = false>
-  std::unique_ptr<mcmc::PrimaryTarget> target(const UnitContext& context, film::Tallies& tallies) const {
-    return std::make_unique<mmlt::Target<kBetween, false, kEdits>>(context, options_, planned_.techniques,
-                                                                   lengths_, tallies);
+  template <EdgeContent kEdgeContent, bool kEdits = false>
+  std::unique_ptr<mcmc::PrimaryTarget> target(const UnitContext& context,
+                                              film::SampleCounts& sample_counts) const {
+    return std::make_unique<mmlt::Target<kEdgeContent, false, kEdits>>(context, options_, planned_.techniques,
+                                                                       lengths_, sample_counts);
   }
 
   estimators::PathOptions options_;

@@ -8,9 +8,9 @@ std::unique_ptr<mcmc::PrimaryTarget> make_mollified_target(const UnitContext& co
                                                            const estimators::PathOptions& options,
                                                            const estimators::Techniques& techniques,
                                                            const Lengths& lengths, double bandwidth,
-                                                           film::Tallies& tallies) {
-  return std::make_unique<Target<transport::Between::media, true>>(context, options, techniques, lengths,
-                                                                   tallies, bandwidth);
+                                                           film::SampleCounts& sample_counts) {
+  return std::make_unique<Target<transport::EdgeContent::media, true>>(context, options, techniques, lengths,
+                                                                       sample_counts, bandwidth);
 }
 
 }  // namespace candela::integrators::mmlt

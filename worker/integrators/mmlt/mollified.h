@@ -16,6 +16,6 @@ std::unique_ptr<mcmc::PrimaryTarget> make_mollified_target(const UnitContext& co
                                                            const estimators::PathOptions& options,
                                                            const estimators::Techniques& techniques,
                                                            const Lengths& lengths, double bandwidth,
-                                                           film::Tallies& tallies);
+                                                           film::SampleCounts& sample_counts);
 
 }  // namespace candela::integrators::mmlt

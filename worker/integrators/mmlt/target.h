@@ -39,20 +39,20 @@ inline estimators::OneTechnique technique(std::uint32_t edges, const TechniqueCo
 
 // kMollifies: paths that no technique can sample are mollified, with this bandwidth. kEdits: as
 // Bidirectional.
-template <transport::Between kBetween, bool kMollifies = false, bool kEdits = false>
+template <transport::EdgeContent kEdgeContent, bool kMollifies = false, bool kEdits = false>
 class Target final : public mcmc::PrimaryTarget {
  public:
   Target(const UnitContext& context, const estimators::PathOptions& options,
-         const estimators::Techniques& techniques, const Lengths& lengths, film::Tallies& tallies,
+         const estimators::Techniques& techniques, const Lengths& lengths, film::SampleCounts& sample_counts,
          [[maybe_unused]] double bandwidth = 0)
       : scene_(context.scene),
         film_(context.filter, context.width, context.height),
         sink_(film_),
         techniques_(techniques),
         lengths_(lengths),
-        estimator_(context.scene, options, techniques, estimators::one_of_each(film_), sink_, tallies,
+        estimator_(context.scene, options, techniques, estimators::one_of_each(film_), sink_, sample_counts,
                    context.letters),
-        tallies_(tallies) {
+        sample_counts_(sample_counts) {
     if constexpr (kMollifies) estimator_.set_bandwidth(bandwidth);
   }
 
@@ -75,7 +75,7 @@ class Target final : public mcmc::PrimaryTarget {
     if (chosen.s > 1 && estimator_.no_light_vertices()) return;  // nothing to connect to
     mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
     const estimators::FilmRay ray = estimators::film_ray(scene_, film_, eye);
-    ++tallies_.eye_samples;
+    ++sample_counts_.eye_samples;
     estimator_.trace_eye(ray.ray, eye);
     sink_.finish_eye(ray.at, ray.weight, estimator_.layer_sums());
   }
@@ -85,12 +85,12 @@ class Target final : public mcmc::PrimaryTarget {
 
   const scene::Scene& scene_;
   estimators::FilmDomain film_;
-  using Config = estimators::ListConfig<kBetween, estimators::OneTechnique, kMollifies, kEdits>;
+  using Config = estimators::ListConfig<kEdgeContent, estimators::OneTechnique, kMollifies, kEdits>;
   typename Config::Sink sink_;
   const estimators::Techniques& techniques_;
   const Lengths& lengths_;
   estimators::Bidirectional<Config> estimator_;
-  film::Tallies& tallies_;
+  film::SampleCounts& sample_counts_;
 };
 
 }  // namespace candela::integrators::mmlt

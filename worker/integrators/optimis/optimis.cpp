@@ -1,4 +1,4 @@
-// The integrator optimis: settings, work plan, and the tallies of each sample.
+// The integrator optimis: settings, work plan, and the sums of each sample.
 #include "worker/integrators/optimis/optimis.h"
 
 #include <fmt/format.h>
@@ -22,7 +22,7 @@
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/optimis/plan.h"
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_edge_content.h"
 
 namespace candela::integrators {
 namespace {
@@ -47,19 +47,20 @@ struct Reading {
 };
 
 class OptimisIntegrator final : public IterationIntegrator {
-  // Calls f(trace), trace(ray, sampler, tallies, first) being the radiance along a ray.
+  // Calls f(trace), trace(ray, sampler, sample_counts, first) being the radiance along a ray.
   template <class F>
   auto with_tracer(const UnitContext& context, const F& f) const {
-    return with_between(planned_.between, [&](auto between) {
-      constexpr transport::Between kBetween = decltype(between)::value;
+    return with_edge_content(planned_.between, [&](auto between) {
+      constexpr transport::EdgeContent kEdgeContent = decltype(between)::value;
       using estimators::FirstVertex;
-      return f([&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies, FirstVertex& first) {
+      return f([&](const Ray& ray, samplers::Sampler& sampler, film::SampleCounts& sample_counts,
+                   FirstVertex& first) {
         if (setup_.techniques() == 0)
-          return estimators::PathTracer<kBetween, scene::Scene, samplers::Sampler>(
-                     context.scene, options_, planned_.techniques, sampler, tallies)
+          return estimators::PathTracer<kEdgeContent, scene::Scene, samplers::Sampler>(
+                     context.scene, options_, planned_.techniques, sampler, sample_counts)
               .radiance(ray);
-        return estimators::PathTracer<kBetween, scene::Scene, samplers::Sampler, FirstVertex>(
-                   context.scene, first.options(), planned_.techniques, sampler, tallies, &first)
+        return estimators::PathTracer<kEdgeContent, scene::Scene, samplers::Sampler, FirstVertex>(
+                   context.scene, first.options(), planned_.techniques, sampler, sample_counts, &first)
             .radiance(ray);
       });
     });
@@ -144,12 +145,12 @@ class OptimisIntegrator final : public IterationIntegrator {
           unit.half + (epochs_ ? 2 * static_cast<std::uint32_t>(epochs_->of_index(unit.begin)) : 0);
       return for_each_tile(context.width, context.height, *output.film, run,
                            [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
-                               film::Tallies& tallies) {
+                               film::SampleCounts& sample_counts) {
                              samplers::Sampler sampler(context.sampler, context.seed);
                              estimators::FirstVertex first(how.setup, options_, lights ? &*lights : nullptr,
                                                            groups ? &*groups : nullptr);
-                             const Iteration iteration{context, unit,    how,     word,  run,
-                                                       output,  tallies, sampler, first, layout};
+                             const Iteration iteration{context, unit,          how,     word,  run,
+                                                       output,  sample_counts, sampler, first, layout};
                              for (std::uint32_t y = y0; y < y1; ++y) {
                                for (std::uint32_t x = x0; x < x1; ++x) {
                                  const Place at = place(output, x, y);
@@ -157,7 +158,7 @@ class OptimisIntegrator final : public IterationIntegrator {
                                    if (run.stopped()) return;
                                    render(iteration, trace, index, at);
                                  }
-                                 tallies.eye_samples += unit.end - unit.begin;
+                                 sample_counts.eye_samples += unit.end - unit.begin;
                                }
                              }
                            });
@@ -168,11 +169,11 @@ class OptimisIntegrator final : public IterationIntegrator {
     const std::optional<scene::LightGroups> groups = light_groups(context);
     return with_tracer(context, [&](const auto& trace) {
       estimators::FirstVertex first(setup_, options_, nullptr, groups ? &*groups : nullptr);
-      return pilot_eye_samples(context, count,
-                               [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
-                                 first.start();
-                                 return trace(ray, sampler, tallies, first);
-                               });
+      return pilot_eye_samples(
+          context, count, [&](const Ray& ray, samplers::Sampler& sampler, film::SampleCounts& sample_counts) {
+            first.start();
+            return trace(ray, sampler, sample_counts, first);
+          });
     });
   }
 
@@ -223,7 +224,7 @@ class OptimisIntegrator final : public IterationIntegrator {
     with_tracer(context, [&](const auto& trace) {
       estimators::FirstVertex first(setup, options_, nullptr, groups ? &*groups : nullptr);
       samplers::Sampler sampler(samplers::SamplerKind::independent, kTrialSeed);
-      film::Tallies unread;
+      film::SampleCounts unread;
       std::vector<mis::PixelBatches> pixel(setup.groups, mis::PixelBatches(allocation_));
       for (std::uint64_t p = 0; p < kTrialPixels; ++p) {
         work_step();
@@ -259,7 +260,7 @@ class OptimisIntegrator final : public IterationIntegrator {
     std::uint32_t sequence;  // the sampler's, beside seed and pixel
     const RunContext& run;
     UnitOutput& output;
-    film::Tallies& tallies;
+    film::SampleCounts& sample_counts;
     samplers::Sampler& sampler;
     estimators::FirstVertex& first;
     const light_visibility::Layout& layout;  // of the light weights
@@ -276,11 +277,12 @@ class OptimisIntegrator final : public IterationIntegrator {
     i.sampler.start(i.sequence, index, x, y);
     const EyeRay eye = eye_ray(i.context, x, y, i.sampler);
     i.first.start();
-    Spectrum light = trace(eye.ray, i.sampler, i.tallies, i.first) * eye.weight;
+    Spectrum light = trace(eye.ray, i.sampler, i.sample_counts, i.first) * eye.weight;
     const std::uint64_t key = i.sampler.sample_key();
     if (i.run.fault != nullptr) i.run.fault(key, &light.r);
     const bool signed_values = i.context.filter.has_negative_lobes();
-    const bool kept = i.output.film->add(0, x, y, {light.r, light.g, light.b}, key, i.tallies, signed_values);
+    const bool kept =
+        i.output.film->add(0, x, y, {light.r, light.g, light.b}, key, i.sample_counts, signed_values);
     if (!i.first.reached()) return;
     tally_visibility(i, key);
     // Samples that the film rejected count as zero.
@@ -289,14 +291,14 @@ class OptimisIntegrator final : public IterationIntegrator {
     if (i.how.read_out == ReadOut::sums || i.how.read_out == ReadOut::epochs)
       for (std::size_t g = 0; g < setup_.groups; ++g) tally_(i, g, kept_weight, part, at, key);
     if (i.how.read_out == ReadOut::best)
-      tally_singles(i.first.singles(), kept_weight, x, y, key, i.output, i.tallies);
+      tally_singles(i.first.singles(), kept_weight, x, y, key, i.output, i.sample_counts);
   }
 
   static void tally_visibility(const Iteration& i, std::uint64_t key) {
     for (const estimators::FirstVertex::ShadowTest& test : i.first.shadow_tests()) {
       const auto at = film::place_of_entry(test.entry);
       const std::array<double, 2> counts = {1, test.seen ? 1.0 : 0.0};
-      i.output.accumulators[0]->splat(at.x, at.y, 0, counts, key, i.tallies);
+      i.output.accumulators[0]->splat(at.x, at.y, 0, counts, key, i.sample_counts);
     }
   }
   static void add_weighted(mis::Sums& to, mis::Sums more, float weight) {
@@ -317,11 +319,11 @@ class OptimisIntegrator final : public IterationIntegrator {
     constexpr std::uint32_t kMatrix = pixel_sums::matrix_channels(kTechniques),
                             kVector = pixel_sums::vector_channels(kTechniques);
     accumulators[0]->template add_array<kMatrix>(at, part * kMatrix, mis::matrix_of<kTechniques>(batch),
-                                                 sums_key, word, i.tallies);
+                                                 sums_key, word, i.sample_counts);
     if (weight == 0 || !batch.lit) return;
     auto light = mis::vector_of<kTechniques>(batch);
     for (double& b : light) b *= weight;
-    accumulators[1]->template add_array<kVector>(at, part * kVector, light, sums_key, word, i.tallies);
+    accumulators[1]->template add_array<kVector>(at, part * kVector, light, sums_key, word, i.sample_counts);
   }
   using Tally = decltype(&tally<2>);
   static Tally tally_of(std::size_t techniques) {
@@ -333,10 +335,10 @@ class OptimisIntegrator final : public IterationIntegrator {
 
   // Adds the estimate of each technique alone in one batch.
   void tally_singles(const mis::Singles& singles, double weight, std::uint32_t x, std::uint32_t y,
-                     std::uint64_t key, UnitOutput& output, film::Tallies& tallies) const {
+                     std::uint64_t key, UnitOutput& output, film::SampleCounts& sample_counts) const {
     const std::size_t n = setup_.techniques();
     const double one = 1;
-    output.accumulators[2]->add(x, y, 0, std::span(&one, 1), rng::combine(key, kThirdWord), tallies);
+    output.accumulators[2]->add(x, y, 0, std::span(&one, 1), rng::combine(key, kThirdWord), sample_counts);
     std::array<double, mis::kColors*(mis::kMaxTechniques + 1)> light{};
     std::array<double, mis::kMaxTechniques> squares{};
     const double largest = best_technique::max_square(output.accumulators[1]->spec());
@@ -352,9 +354,9 @@ class OptimisIntegrator final : public IterationIntegrator {
     }
     if (!any) return;
     output.accumulators[0]->add(x, y, 0, std::span(light).first(best_technique::singles_channels(n)),
-                                rng::combine(key, kFirstWord), tallies);
+                                rng::combine(key, kFirstWord), sample_counts);
     output.accumulators[1]->add(x, y, 0, std::span(squares).first(n), rng::combine(key, kSecondWord),
-                                tallies);
+                                sample_counts);
   }
 
   const Reading planned_reading_;              // if a trial does not find otherwise

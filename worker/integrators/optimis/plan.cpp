@@ -269,7 +269,7 @@ Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimator
   estimators::FirstVertexSetup& setup = out.setup;
   setup.direct_only = settings.depth.value == "direct";
   setup.heuristic = weights_named(settings.weights.value);
-  setup.bsdf_is_alone = out.planned.between != transport::Between::nothing;
+  setup.bsdf_is_alone = out.planned.between != transport::EdgeContent::nothing;
   // Direct light of other techniques than bsdf sampling, and vertices to light.
   const bool sampled = full || out.planned.techniques.next_event;
   if (sampled) plan_points(settings, features, full, setup, plan);

@@ -28,10 +28,10 @@ class PathIntegrator final : public IterationIntegrator {
     if (regularization_.runs() && !edited(context))
       return run_mollified(context, unit, groups.get(), *output.film, run_context);
     return run_eye_samples(context, unit, *output.film, run_context,
-                           [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies,
+                           [&](const Ray& ray, samplers::Sampler& sampler, film::SampleCounts& sample_counts,
                                transport::EyeLetters* letters) {
                              return radiance(context.scene, options_, planned_.techniques, ray, sampler,
-                                             tallies, groups.get(), letters);
+                                             sample_counts, groups.get(), letters);
                            });
   }
 
@@ -44,24 +44,24 @@ class PathIntegrator final : public IterationIntegrator {
     const auto groups = groups_of(context.scene);
     const auto radiance =
         edited(context) ? &estimators::path_radiance_with_edits<samplers::Sampler> : pilot_radiance_;
-    return pilot_eye_samples(context, count,
-                             [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
-                               return radiance(context.scene, options_, planned_.techniques, ray, sampler,
-                                               tallies, groups.get(), nullptr);
-                             });
+    return pilot_eye_samples(
+        context, count, [&](const Ray& ray, samplers::Sampler& sampler, film::SampleCounts& sample_counts) {
+          return radiance(context.scene, options_, planned_.techniques, ray, sampler, sample_counts,
+                          groups.get(), nullptr);
+        });
   }
 
  private:
   Result<void> run_mollified(const UnitContext& context, const Unit& unit, const scene::LightGroups* groups,
                              film::UnitFilm& film, const RunContext& run_context) const {
     return run_eye_samples(context, unit, film, run_context,
-                           [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies,
+                           [&](const Ray& ray, samplers::Sampler& sampler, film::SampleCounts& sample_counts,
                                transport::EyeLetters* /*letters*/, std::uint64_t iteration) {
                              const transport::Mollifier mollifier(regularization_.bandwidth(iteration));
                              ValueWithPart found;
                              found.value = estimators::mollified_path_radiance(
-                                 context.scene, options_, planned_.techniques, ray, sampler, tallies, groups,
-                                 mollifier, regularization_.layer() ? &found.part : nullptr);
+                                 context.scene, options_, planned_.techniques, ray, sampler, sample_counts,
+                                 groups, mollifier, regularization_.layer() ? &found.part : nullptr);
                              return found;
                            });
   }

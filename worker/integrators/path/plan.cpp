@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators::path {
@@ -62,11 +62,11 @@ Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures&
                                                   : "one technique finds all the light there is");
 
   planned.between =
-      plan_between(features, plan,
-                   features.any_heterogeneous_medium
-                       ? "free flights by delta tracking, transmittance by residual ratio tracking"
-                       : "homogeneous: free flights and transmittance in closed form",
-                   false);
+      plan_edge_content(features, plan,
+                        features.any_heterogeneous_medium
+                            ? "free flights by delta tracking, transmittance by residual ratio tracking"
+                            : "homogeneous: free flights and transmittance in closed form",
+                        false);
   return planned;
 }
 

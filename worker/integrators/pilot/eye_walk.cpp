@@ -8,7 +8,7 @@ namespace candela::integrators {
 std::vector<float> pilot_by_eye_walk(const UnitContext& context, std::uint32_t count,
                                      const estimators::PathOptions& options) {
   return pilot_eye_samples(
-      context, count, estimators::EyeRadianceFunction<transport::Between::media>(context.scene, options));
+      context, count, estimators::EyeRadianceFunction<transport::EdgeContent::media>(context.scene, options));
 }
 
 }  // namespace candela::integrators

@@ -1,6 +1,6 @@
 #include "worker/integrators/ppm/plan.h"
 
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators::ppm {
@@ -45,7 +45,7 @@ Planned plan(const estimators::PathOptions& options, bool caustics_only, const s
   plan.decide(t.merge_medium, "photons in media", features.any_scattering_medium,
               "there are media that scatter", "no medium scatters");
   t.light_paths = t.merges();
-  planned.between = plan_between(features, plan, "free flights");
+  planned.between = plan_edge_content(features, plan, "free flights");
   return planned;
 }
 

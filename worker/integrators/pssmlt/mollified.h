@@ -14,6 +14,7 @@ namespace candela::integrators::pssmlt {
 std::unique_ptr<mcmc::PrimaryTarget> make_mollified_target(bool over_path, const UnitContext& context,
                                                            const estimators::PathOptions& options,
                                                            const estimators::Techniques& techniques,
-                                                           double bandwidth, film::Tallies& tallies);
+                                                           double bandwidth,
+                                                           film::SampleCounts& sample_counts);
 
 }  // namespace candela::integrators::pssmlt

@@ -4,7 +4,7 @@
 #include "worker/integrators/bidirectional/plan.h"
 #include "worker/integrators/chains/chain_integrator.h"
 #include "worker/integrators/path/plan.h"
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/plan_walks.h"
 #include "worker/integrators/pssmlt/mollified.h"
 #include "worker/integrators/pssmlt/targets.h"
@@ -13,7 +13,7 @@
 namespace candela::integrators {
 namespace {
 
-using transport::Between;
+using transport::EdgeContent;
 
 class PssmltIntegrator final : public ChainIntegrator {
  public:
@@ -39,30 +39,32 @@ class PssmltIntegrator final : public ChainIntegrator {
   }
 
  private:
-  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, film::Tallies& tallies,
+  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, film::SampleCounts& sample_counts,
                                                double bandwidth) const override {
-    return std::make_unique<mcmc::PrimarySpace>(make_target(context, tallies, bandwidth), steps_);
+    return std::make_unique<mcmc::PrimarySpace>(make_target(context, sample_counts, bandwidth), steps_);
   }
-  std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context, film::Tallies& tallies,
+  std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context,
+                                                   film::SampleCounts& sample_counts,
                                                    double bandwidth) const {
     if (regularization_.runs())
       return pssmlt::make_mollified_target(over_path_, context, options_, planned_.techniques, bandwidth,
-                                           tallies);
+                                           sample_counts);
     if (over_path_)
       return std::make_unique<pssmlt::PathTarget>(
           context, options_, planned_.techniques,
           estimators::path_radiance_in<mcmc::PrimarySampler>(context.scene, planned_.between,
                                                              context.letters != nullptr),
-          tallies);
+          sample_counts);
     if (context.scene.objects().path_edits != nullptr)
-      return bdpt_target<Between::media, true>(context, tallies);
-    return with_between(planned_.between,
-                        [&](auto between) { return bdpt_target<between()>(context, tallies); });
+      return bdpt_target<EdgeContent::media, true>(context, sample_counts);
+    return with_edge_content(planned_.between,
+                             [&](auto between) { return bdpt_target<between()>(context, sample_counts); });
   }
-  template <Between kBetween, bool kEdits = false>
-  std::unique_ptr<mcmc::PrimaryTarget> bdpt_target(const UnitContext& context, film::Tallies& tallies) const {
-    return std::make_unique<pssmlt::BdptTarget<kBetween, false, kEdits>>(context, options_,
-                                                                         planned_.techniques, tallies);
+  template <EdgeContent kEdgeContent, bool kEdits = false>
+  std::unique_ptr<mcmc::PrimaryTarget> bdpt_target(const UnitContext& context,
+                                                   film::SampleCounts& sample_counts) const {
+    return std::make_unique<pssmlt::BdptTarget<kEdgeContent, false, kEdits>>(
+        context, options_, planned_.techniques, sample_counts);
   }
 
   bool over_path_;

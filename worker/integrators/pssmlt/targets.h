@@ -19,22 +19,22 @@ using estimators::Techniques;
 class PathTarget final : public mcmc::PrimaryTarget {
  public:
   PathTarget(const UnitContext& context, const PathOptions& options, const Techniques& techniques,
-             estimators::RadianceFunction<mcmc::PrimarySampler> radiance, film::Tallies& tallies)
+             estimators::RadianceFunction<mcmc::PrimarySampler> radiance, film::SampleCounts& sample_counts)
       : scene_(context.scene),
         options_(options),
         techniques_(techniques),
         radiance_(radiance),
         film_(context.filter, context.width, context.height),
-        tallies_(tallies) {
+        sample_counts_(sample_counts) {
     if (context.letters != nullptr) letters_.emplace(*context.letters);
   }
 
   void evaluate(mcmc::PrimaryState& numbers, mcmc::SplatList& out) override {
     mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
     const FilmRay ray = film_ray(scene_, film_, eye);
-    ++tallies_.eye_samples;
+    ++sample_counts_.eye_samples;
     if (letters_) letters_->begin(eye.sample_key(), ray.ray);
-    const Spectrum value = radiance_(scene_, options_, techniques_, ray.ray, eye, tallies_, nullptr,
+    const Spectrum value = radiance_(scene_, options_, techniques_, ray.ray, eye, sample_counts_, nullptr,
                                      letters_ ? &*letters_ : nullptr);
     const float scale = ray.weight * static_cast<float>(film_.area_over_film());
     if (out.add(ray.at, value * scale) && letters_) out.label(letters_->sums().sums(), Spectrum(scale));
@@ -46,23 +46,24 @@ class PathTarget final : public mcmc::PrimaryTarget {
   const Techniques& techniques_;
   estimators::RadianceFunction<mcmc::PrimarySampler> radiance_;
   estimators::FilmDomain film_;
-  film::Tallies& tallies_;
+  film::SampleCounts& sample_counts_;
   std::optional<transport::EyeLetters> letters_;
 };
 
 // kMollifies: paths that no technique can sample are mollified, with this bandwidth. kEdits: as
 // Bidirectional.
-template <transport::Between kBetween, bool kMollifies = false, bool kEdits = false>
+template <transport::EdgeContent kEdgeContent, bool kMollifies = false, bool kEdits = false>
 class BdptTarget final : public mcmc::PrimaryTarget {
  public:
   BdptTarget(const UnitContext& context, const PathOptions& options, const Techniques& techniques,
-             film::Tallies& tallies, [[maybe_unused]] double bandwidth = 0)
+             film::SampleCounts& sample_counts, [[maybe_unused]] double bandwidth = 0)
       : scene_(context.scene),
         film_(context.filter, context.width, context.height),
         sink_(film_),
         light_paths_(techniques.light_paths),
-        estimator_(context.scene, options, techniques, one_of_each(film_), sink_, tallies, context.letters),
-        tallies_(tallies) {
+        estimator_(context.scene, options, techniques, one_of_each(film_), sink_, sample_counts,
+                   context.letters),
+        sample_counts_(sample_counts) {
     if constexpr (kMollifies) estimator_.set_bandwidth(bandwidth);
   }
 
@@ -71,7 +72,7 @@ class BdptTarget final : public mcmc::PrimaryTarget {
     if (light_paths_) estimator_.trace_light(numbers.walk(mcmc::PrimaryState::light));
     mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
     const FilmRay ray = film_ray(scene_, film_, eye);
-    ++tallies_.eye_samples;
+    ++sample_counts_.eye_samples;
     estimator_.trace_eye(ray.ray, eye);
     sink_.finish_eye(ray.at, ray.weight, estimator_.layer_sums());
   }
@@ -79,11 +80,11 @@ class BdptTarget final : public mcmc::PrimaryTarget {
  private:
   const scene::Scene& scene_;
   estimators::FilmDomain film_;
-  using Config = estimators::ListConfig<kBetween, estimators::EveryTechnique, kMollifies, kEdits>;
+  using Config = estimators::ListConfig<kEdgeContent, estimators::EveryTechnique, kMollifies, kEdits>;
   typename Config::Sink sink_;
   bool light_paths_;
   estimators::Bidirectional<Config> estimator_;
-  film::Tallies& tallies_;
+  film::SampleCounts& sample_counts_;
 };
 
 }  // namespace candela::integrators::pssmlt

@@ -26,7 +26,8 @@ class SphereIntegrator final : public Integrator {
     const Samples samples(*this, context, letters_);
     return for_each_tile(
         context.width, context.height, film, run_context,
-        [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1, film::Tallies& tallies) {
+        [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
+            film::SampleCounts& sample_counts) {
           samplers::Sampler sampler(context.sampler, context.seed);
           std::optional<transport::EyeLetters> letters;
           if (context.letters != nullptr) letters.emplace(*context.letters);
@@ -36,13 +37,14 @@ class SphereIntegrator final : public Integrator {
                 if (run_context.stopped()) return;
                 sampler.start(unit.half, index, x, y);
                 const std::uint64_t key = sampler.sample_key();
-                Spectrum value = samples.radiance(x, y, sampler, tallies, letters ? &*letters : nullptr);
+                Spectrum value =
+                    samples.radiance(x, y, sampler, sample_counts, letters ? &*letters : nullptr);
                 if (run_context.fault != nullptr) run_context.fault(key, &value.r);
-                const bool kept = film.add(0, x, y, {value.r, value.g, value.b}, key, tallies);
+                const bool kept = film.add(0, x, y, {value.r, value.g, value.b}, key, sample_counts);
                 if (letters && kept) letters->sums().gather(film, 1, key);
               }
               if (letters) letters->sums().write_gathered(film, x, y);
-              tallies.eye_samples += unit.end - unit.begin;
+              sample_counts.eye_samples += unit.end - unit.begin;
             }
         });
   }
@@ -50,7 +52,7 @@ class SphereIntegrator final : public Integrator {
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
     const Samples samples(*this, context, false);
     std::vector<float> luminances;
-    film::Tallies tallies;
+    film::SampleCounts sample_counts;
     samplers::Sampler sampler(samplers::SamplerKind::independent,
                               rng::key(context.seed, 0x70696c6f74ULL));  // "pilot"
     for (std::uint32_t i = 0; i < count; ++i) {
@@ -59,7 +61,7 @@ class SphereIntegrator final : public Integrator {
       const auto x = static_cast<std::uint32_t>(place.next_double() * context.width);
       const auto y = static_cast<std::uint32_t>(place.next_double() * context.height);
       sampler.start(0, i, x, y);
-      const float value = luminance(samples.radiance(x, y, sampler, tallies, nullptr));
+      const float value = luminance(samples.radiance(x, y, sampler, sample_counts, nullptr));
       if (std::isfinite(value)) luminances.push_back(std::fabs(value));
     }
     return luminances;
@@ -84,8 +86,8 @@ class SphereIntegrator final : public Integrator {
 
     // The radiance of a sample of the map's pixel; black on the far side of a disk. letters: null where
     // nobody asks.
-    Spectrum radiance(std::uint32_t x, std::uint32_t y, samplers::Sampler& sampler, film::Tallies& tallies,
-                      transport::EyeLetters* letters) const {
+    Spectrum radiance(std::uint32_t x, std::uint32_t y, samplers::Sampler& sampler,
+                      film::SampleCounts& sample_counts, transport::EyeLetters* letters) const {
       sampler.set_dimension(0);
       const Vec2 at = sampler.next_2d(), on_disk = sampler.next_2d();
       const Vec3 d = map_direction((x + static_cast<double>(at.x)) / context_.width,
@@ -93,8 +95,8 @@ class SphereIntegrator final : public Integrator {
       const Ray ray = probe_ray(probe_, d, on_disk);
       if (letters != nullptr) letters->begin(sampler.sample_key(), ray);
       if (probe_.normal && !(dot(d, *probe_.normal) > 0)) return {};
-      return radiance_(context_.scene, sphere_.options_, sphere_.planned_.techniques, ray, sampler, tallies,
-                       nullptr, letters);
+      return radiance_(context_.scene, sphere_.options_, sphere_.planned_.techniques, ray, sampler,
+                       sample_counts, nullptr, letters);
     }
 
    private:

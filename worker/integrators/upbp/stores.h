@@ -52,9 +52,9 @@ class BeamStore {
       ++rejected_;
   }
   void keep(const scene::Scene& scene, const transport::Vertex<transport::MisBlock>& v, bool last,
-            bool by_specular, film::Tallies& tallies, const transport::ChannelStates* states) {
-    photons_.keep(scene, v, last, by_specular, tallies, states);
-    tallies.rejected[static_cast<std::size_t>(film::RejectCause::not_a_number)] += rejected_;
+            bool by_specular, film::SampleCounts& sample_counts, const transport::ChannelStates* states) {
+    photons_.keep(scene, v, last, by_specular, sample_counts, states);
+    sample_counts.rejected[static_cast<std::size_t>(film::RejectCause::not_a_number)] += rejected_;
     rejected_ = 0;
   }
   void end_path() {

@@ -31,7 +31,7 @@ namespace {
 
 using estimators::PathOptions;
 using estimators::Techniques;
-using transport::Between;
+using transport::EdgeContent;
 using upbp::MediumRules;
 using upbp::Rules;
 
@@ -70,10 +70,10 @@ class UpbpIntegrator final : public IterationIntegrator {
   }
 
  private:
-  static constexpr Between kBetween = Between::media;
+  static constexpr EdgeContent kEdgeContent = EdgeContent::media;
   using Mis = transport::BeamBalance;
   using Field = transport::ConstantScale;
-  using Eye = estimators::VcmEye<kBetween, Mis, Field, transport::NoStatistics, upbp::EyeBeams>;
+  using Eye = estimators::VcmEye<kEdgeContent, Mis, Field, transport::NoStatistics, upbp::EyeBeams>;
 
   // Sums over all iterations of a unit.
   struct Measured {
@@ -169,7 +169,7 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
                              beam_paths_now, chunk * kLightChunk, max_depth - 1);
     };
     if (techniques.light_paths)
-      CANDELA_TRY((merging::trace_light_paths<kBetween, Mis>(
+      CANDELA_TRY((merging::trace_light_paths<kEdgeContent, Mis>(
           context, options_, techniques, counts, transport::EtaOf<Field>{side.field}, unit.half, index,
           store_of, *output.film, run, progress_part(phase, phases), iterations.technique_layers ? 1 : 0)));
     if (techniques.merge_surface) {
@@ -203,7 +203,7 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
     measured.work.add(merge_work.sum());
     measured.hits.add(merge_work.sum(), iteration);
   }
-  measured.work.rays += output.film->tallies().rays;
+  measured.work.rays += output.film->sample_counts().rays;
   return {};
 }
 
@@ -360,7 +360,7 @@ Rules rules_of(std::string name, const MediumRules& medium, bool connects, const
         fmt::format("{} of the pairs of two vertices in media are connected, the rest of their light is "
                     "merged",
                     m.connect_media));
-  rules.planned.between = Between::media;
+  rules.planned.between = EdgeContent::media;
   return rules;
 }
 
@@ -372,7 +372,7 @@ Planned planned_without_media(bool connects, bool merge_surfaces, const PathOpti
   wanted.merge_surface = merge_surfaces;
   if (!connects) wanted.next_event = wanted.connect = wanted.light_image = wanted.hit_lens = false;
   Planned planned = vcm::plan(options, wanted, features, full);
-  planned.between = Between::media;
+  planned.between = EdgeContent::media;
   return planned;
 }
 

@@ -1,6 +1,6 @@
 #include "worker/integrators/vcm/plan.h"
 
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators::vcm {
@@ -75,7 +75,7 @@ Planned plan(const estimators::PathOptions& options, const estimators::Technique
 
   t.light_paths = t.needs_light_paths();
   if (!t.light_paths) plan.skip("light paths", "no technique needs them");
-  planned.between = plan_between(features, plan);
+  planned.between = plan_edge_content(features, plan);
   return planned;
 }
 

@@ -3,7 +3,7 @@
 #include "worker/integrators/adaptive/run.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/merging/one_radius.h"
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/vcm/plan.h"
 #include "worker/transport/statistics/weighted_sectors.h"
 
@@ -40,7 +40,7 @@ class VcmplusIntegrator final : public IterationIntegrator {
     if (!planned_.techniques.merges())
       return merging::run_vcm(planned_.between, context, unit, input, iterations_, output, run_context);
     using Statistics = transport::WeightedSectors;
-    return with_between(planned_.between, [&](auto between) {
+    return with_edge_content(planned_.between, [&](auto between) {
       using Eye = estimators::VcmEye<between(), transport::Balance, transport::ScaleMap, Statistics>;
       return adaptive::run_adaptive<Eye>(
           context, unit, input, iterations_, adaptation_,

@@ -7,7 +7,7 @@ namespace {
 
 // One form for all scenes.
 using RecordingConfig =
-    estimators::BidirectionalConfig<transport::Between::media, transport::Balance, RecordingSink>;
+    estimators::BidirectionalConfig<transport::EdgeContent::media, transport::Balance, RecordingSink>;
 
 }  // namespace
 
@@ -32,13 +32,13 @@ struct RecordedSamples::Estimator {
         // Samples of a sequence are not independent, which the errors need.
         eye(samplers::SamplerKind::independent, seed),
         light(samplers::SamplerKind::independent, seed),
-        bidirectional(of.scene, options, techniques, counts, sink, tallies) {}
+        bidirectional(of.scene, options, techniques, counts, sink, sample_counts) {}
 
   const RecordedLight of;
   const std::uint32_t width;
   const estimators::Techniques techniques;
   const estimators::PathCounts counts;
-  film::Tallies tallies;
+  film::SampleCounts sample_counts;
   RecordingSink sink;
   samplers::Sampler eye, light;
   estimators::Bidirectional<RecordingConfig> bidirectional;

@@ -25,8 +25,8 @@ struct Cells {
 class CellSplatter final : public PathConsumer {
  public:
   CellSplatter(const Cells& cells, const UnitContext& context, const RunContext& run, film::UnitFilm& film,
-               film::Tallies& tallies)
-      : cells_(cells), context_(context), run_(run), film_(film), tallies_(tallies) {}
+               film::SampleCounts& sample_counts)
+      : cells_(cells), context_(context), run_(run), film_(film), sample_counts_(sample_counts) {}
 
   void add(const RecordedPath& path, Spectrum value, std::uint64_t key,
            const transport::ChannelLabels* labels) override {
@@ -60,14 +60,14 @@ class CellSplatter final : public PathConsumer {
   bool to_pixel(std::uint32_t layer, std::uint64_t pixel, Spectrum value, std::uint64_t key) {
     return film_.splat(layer, static_cast<std::uint32_t>(pixel % context_.width),
                        static_cast<std::uint32_t>(pixel / context_.width), {value.r, value.g, value.b}, key,
-                       tallies_, context_.filter.has_negative_lobes());
+                       sample_counts_, context_.filter.has_negative_lobes());
   }
 
   const Cells& cells_;
   const UnitContext& context_;
   const RunContext& run_;
   film::UnitFilm& film_;
-  film::Tallies& tallies_;
+  film::SampleCounts& sample_counts_;
 };
 
 // The size of what paths bring to a cell.
@@ -113,8 +113,8 @@ class VolumeIntegrator final : public Integrator {
     const RecordedLight light = light_of(context, context.letters);
     constexpr std::uint64_t kPixels = 64;  // of a task
     return for_each_task((rect.count() + kPixels - 1) / kPixels, film, run_context,
-                         [&](std::uint64_t task, film::Tallies& tallies) {
-                           CellSplatter splatter(cells, context, run_context, film, tallies);
+                         [&](std::uint64_t task, film::SampleCounts& sample_counts) {
+                           CellSplatter splatter(cells, context, run_context, film, sample_counts);
                            RecordedSamples samples = samples_of(light, context, splatter);
                            const std::uint64_t begin = task * kPixels,
                                                end = std::min(begin + kPixels, rect.count());
@@ -123,7 +123,7 @@ class VolumeIntegrator final : public Integrator {
                                if (run_context.stopped()) return;
                                trace(samples, rect, pixel, unit.half, index);
                              }
-                           tallies.eye_samples += (end - begin) * (unit.end - unit.begin);
+                           sample_counts.eye_samples += (end - begin) * (unit.end - unit.begin);
                          });
   }
 

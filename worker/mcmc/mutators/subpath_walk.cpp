@@ -142,7 +142,7 @@ bool SubpathWalk::leave(PathVertex& vertex) {
   if (!sampled_) sample();
   sampled_ = false;
   // A kept vertex stays as it is, and stays a vertex.
-  if (!scatters_ || next_.straight || (kept_ && next_.delta)) return false;
+  if (!scatters_ || next_.passthrough || (kept_ && next_.delta)) return false;
   kept_ = false;
   direction_ = hit_.shading.to_world(next_.wi);
   vertex.delta = next_.delta;
@@ -181,7 +181,7 @@ void SubpathWalk::set_met(const scene::CanonicalPoint& point) {
 }
 
 SubpathWalk::Arrival SubpathWalk::arrive(bool lens) {
-  const bool straight = scene_.features().any_straight;
+  const bool passthrough = scene_.features().any_passthrough;
   const Vec3d line = normalize(Vec3d(direction_));
   for (std::uint32_t passes = 0; passes < transport::kMaxPasses; ++passes) {
     const auto point = scene_.points().intersect(ray_, origin_, line);
@@ -196,8 +196,8 @@ SubpathWalk::Arrival SubpathWalk::arrive(bool lens) {
     vertex_ = {};
     vertex_.point = *point;
     wo_ = -direction_;
-    if (straight) sample();
-    if (!straight || !scatters_ || !next_.straight) {
+    if (passthrough) sample();
+    if (!passthrough || !scatters_ || !next_.passthrough) {
       from_point_ = false;
       return lens ? Arrival::failed : Arrival::surface;
     }

@@ -298,7 +298,7 @@ const Subpaths::Densities& Subpaths::densities(const PathState& state) const {
     made->eye.push(n.light_can_be_hit ? evaluation.step_density(false, 0) : path::Scaled());
     for (std::size_t i = 1; i < k; ++i) made->eye.push(evaluation.step_density(false, i));
     made->eye.push(n.lens_prob);
-    if (context_.scene.features().any_straight) {
+    if (context_.scene.features().any_passthrough) {
       made->stay_light.assign(k + 1, 1);
       made->stay_eye.assign(k + 1, 1);
       for (std::size_t i = 1; i < k; ++i) made->stay_light[i] = evaluation.prob_stay(true, i);

@@ -22,7 +22,7 @@ constexpr std::uint32_t kMaxPasses = 1000;
 
 const scene::DeltaLobe* find_lobe(const std::vector<scene::DeltaLobe>& lobes, bool transmitted) {
   for (const scene::DeltaLobe& lobe : lobes)
-    if (lobe.transmitted == transmitted && !lobe.straight && !lobe.value.is_black()) return &lobe;
+    if (lobe.transmitted == transmitted && !lobe.passthrough && !lobe.value.is_black()) return &lobe;
   return nullptr;
 }
 
@@ -199,8 +199,8 @@ bool Tracer::meet(Beam& beam, std::size_t i, path::PathVertex& vertex) const {
     beam.hit = hit_at(*point);
     if (!(beam.in_space && goes_through(beam.hit, start))) {
       const bool copied = !leaves && beam.hit.bsdf == bsdf;
-      if (copied || !scene_.features().any_straight ||
-          scene_.straight(beam.hit, -beam.ray.direction).is_black()) {
+      if (copied || !scene_.features().any_passthrough ||
+          scene_.passthrough(beam.hit, -beam.ray.direction).is_black()) {
         vertex.point = *point;
         return !leaves;
       }
@@ -259,7 +259,7 @@ bool Tracer::trace(std::size_t start, Vec3d direction, path::Path& path, std::si
 }
 
 bool Tracer::stops_at(const PathState& to, std::size_t start, std::size_t first, std::size_t last) const {
-  if (!scene_.features().any_straight) return true;
+  if (!scene_.features().any_passthrough) return true;
   const path::FullPath& full = to.assembled().path;
   const bool towards_light = first < start;
   for (std::size_t i = first, before = start;; before = i, towards_light ? --i : ++i) {

@@ -49,8 +49,8 @@ bool sample(const BlendClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode 
   return true;
 }
 
-Spectrum straight(const BlendClosure& p, Vec3 wo) {
-  return p.first->straight(wo) * (1 - p.weight) + p.second->straight(wo) * p.weight;
+Spectrum passthrough(const BlendClosure& p, Vec3 wo) {
+  return p.first->passthrough(wo) * (1 - p.weight) + p.second->passthrough(wo) * p.weight;
 }
 
 Result<void> BlendSurface::build(const description::Object& object, const BuildContext& context) {

@@ -25,7 +25,7 @@ struct BlendClosure {
 Spectrum eval_pdf(const BlendClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
 Spectrum eval_diffuse(const BlendClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below);
 bool sample(const BlendClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
-Spectrum straight(const BlendClosure& p, Vec3 wo);
+Spectrum passthrough(const BlendClosure& p, Vec3 wo);
 
 struct BlendSurface {
   using ClosureType = BlendClosure;

@@ -31,9 +31,9 @@ struct KindFunctions {
       return eval_pdf_of(closure, wo, wi, mode, pdf);
     }
   }
-  static Spectrum straight_of(const Closure& closure, Vec3 wo) {
-    if constexpr (requires { straight(closure.get<C>(), wo); })
-      return straight(closure.get<C>(), wo);
+  static Spectrum passthrough_of(const Closure& closure, Vec3 wo) {
+    if constexpr (requires { passthrough(closure.get<C>(), wo); })
+      return passthrough(closure.get<C>(), wo);
     else
       return {};
   }
@@ -42,7 +42,7 @@ struct KindFunctions {
 struct FunctionsOfKind {
   Spectrum (*eval_pdf)(const Closure&, Vec3, Vec3, TransportMode, float&) = nullptr;
   bool (*sample)(const Closure&, Vec3, float, Vec2, TransportMode, BsdfSample&) = nullptr;
-  Spectrum (*straight)(const Closure&, Vec3) = nullptr;
+  Spectrum (*passthrough)(const Closure&, Vec3) = nullptr;
   Spectrum (*eval_diffuse)(const Closure&, Vec3, Vec3, TransportMode, float) = nullptr;
 };
 
@@ -51,7 +51,7 @@ constexpr FunctionsOfKind functions_of_kind() {
   if constexpr (std::is_void_v<C>)
     return {};  // the number of a row without a closure of its own is no closure's kind
   else
-    return {&KindFunctions<C>::eval_pdf_of, &KindFunctions<C>::sample_of, &KindFunctions<C>::straight_of,
+    return {&KindFunctions<C>::eval_pdf_of, &KindFunctions<C>::sample_of, &KindFunctions<C>::passthrough_of,
             &KindFunctions<C>::eval_diffuse_of};
 }
 
@@ -84,10 +84,10 @@ Spectrum Closure::eval_diffuse(Vec3 wo, Vec3 wi, TransportMode mode, float gloss
   return kFunctions[kind_].eval_diffuse(*this, wo, wi, mode, glossy_below);
 }
 
-Spectrum Closure::straight(Vec3 wo) const {
+Spectrum Closure::passthrough(Vec3 wo) const {
   if (black) return {};
   if (flipped) wo.z = -wo.z;
-  return kFunctions[kind_].straight(*this, wo);
+  return kFunctions[kind_].passthrough(*this, wo);
 }
 
 Spectrum Closure::eval(Vec3 wo, Vec3 wi, TransportMode mode) const {

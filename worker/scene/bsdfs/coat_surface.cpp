@@ -13,7 +13,7 @@ Result<void> CoatSurface::build_coat(std::string_view plugin, const description:
   CANDELA_ASSIGN(const auto children, nested_bsdfs(object, 1, 1));
   CANDELA_ASSIGN(base, Bsdf::build_part(*children[0], context));
   const BsdfFacts below = base->facts();
-  if (below.transmissive || below.straight) {
+  if (below.transmissive || below.passthrough) {
     return located(
         std::string(plugin) + " holds a bsdf that lets no light through; " + children[0]->plugin + " does",
         *children[0], "");

@@ -78,7 +78,7 @@ std::vector<DeltaLobe> delta_lobes(const Closure& closure, Vec3 wo, TransportMod
     if (!closure.sample(wo, std::min(static_cast<float>(u), kLast), {0.5f, 0.5f}, mode, sample)) continue;
     if (!sample.delta) continue;  // less likely than the last bit of u_lobe
     lobes.push_back({sample.wi, sample.weight * sample.prob, sample.prob, sample.prob_reverse, sample.eta,
-                     sample.transmitted, sample.straight});
+                     sample.transmitted, sample.passthrough});
   }
   return lobes;
 }

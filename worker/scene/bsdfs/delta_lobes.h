@@ -14,7 +14,7 @@ struct DeltaLobe {
   Spectrum value;  // the fraction of light: the weight of a sample, times prob
   float prob = 1, prob_reverse = 1;
   float eta = 1;
-  bool transmitted = false, straight = false;
+  bool transmitted = false, passthrough = false;
 };
 
 // The delta lobes of which Closure::sample(wo, u_lobe, ...) takes one, with probabilities above 2^-24.

@@ -310,7 +310,7 @@ bool sample(const EditedClosure& e, Vec3 wo, float u_lobe, Vec2 u, TransportMode
   }
   const Alternative from = draw_alternative(e, mode, wo, u_lobe);
   if (from.of == 0) return false;
-  if (!e.nested->sample(from.branch.w, u_lobe, u, mode, out) || out.straight) return false;
+  if (!e.nested->sample(from.branch.w, u_lobe, u, mode, out) || out.passthrough) return false;
   const bool transmitted = dot(from.branch.w, e.ng) * dot(out.wi, e.ng) < 0;
   const Vec3 meant = out.wi;
   if (out.delta) {
@@ -339,8 +339,8 @@ bool sample(const EditedClosure& e, Vec3 wo, float u_lobe, Vec2 u, TransportMode
   return true;
 }
 
-Spectrum straight(const EditedClosure& e, Vec3 wo) {
-  return e.nested->straight(wo);
+Spectrum passthrough(const EditedClosure& e, Vec3 wo) {
+  return e.nested->passthrough(wo);
 }
 
 void delta_choices(const EditedClosure& e, Vec3 wo, TransportMode mode, LobeRange range, LobeChoices& out) {

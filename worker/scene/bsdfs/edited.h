@@ -74,7 +74,7 @@ struct EditedClosure {
 Spectrum eval_pdf(const EditedClosure& e, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
 Spectrum eval_diffuse(const EditedClosure& e, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below);
 bool sample(const EditedClosure& e, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
-Spectrum straight(const EditedClosure& e, Vec3 wo);
+Spectrum passthrough(const EditedClosure& e, Vec3 wo);
 void delta_choices(const EditedClosure& e, Vec3 wo, TransportMode mode, LobeRange range, LobeChoices& out);
 
 struct EditedSurface {

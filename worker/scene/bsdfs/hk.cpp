@@ -35,8 +35,8 @@ float single_transmission(double tau, double c_o, double c_i) {
 
 // The probability of passing straight on. A layer that lets next to nothing through has a sixteenth, so that
 // the weight of what does pass stays small.
-float prob_straight(const LayerClosure& p, Vec3 wo) {
-  const Spectrum passing = straight(p, wo);
+float prob_passthrough(const LayerClosure& p, Vec3 wo) {
+  const Spectrum passing = passthrough(p, wo);
   if (passing.is_black()) return 0;
   const float mean = (passing.r + passing.g + passing.b) / 3;
   return std::min(1.0f, 0.0625f + 0.9375f * mean);
@@ -44,7 +44,7 @@ float prob_straight(const LayerClosure& p, Vec3 wo) {
 
 }  // namespace
 
-Spectrum straight(const LayerClosure& p, Vec3 wo) {
+Spectrum passthrough(const LayerClosure& p, Vec3 wo) {
   const double cosine = std::abs(static_cast<double>(wo.z));
   if (!(cosine > 0)) return {};
   const auto passing = [&](float tau) {
@@ -58,7 +58,7 @@ Spectrum eval_pdf(const LayerClosure& p, Vec3 wo, Vec3 wi, TransportMode /*mode*
   const double c_o = std::abs(static_cast<double>(wo.z)), c_i = std::abs(static_cast<double>(wi.z));
   if (!(c_o > 0 && c_i > 0)) return {};
   const float phase = p.phase.eval(wo, wi);
-  pdf = (1 - prob_straight(p, wo)) * phase;
+  pdf = (1 - prob_passthrough(p, wo)) * phase;
   const bool reflects = wo.z * wi.z > 0;
   const auto channel = [&](float tau) {
     return reflects ? single_reflection(static_cast<double>(tau), c_o, c_i)
@@ -69,14 +69,14 @@ Spectrum eval_pdf(const LayerClosure& p, Vec3 wo, Vec3 wi, TransportMode /*mode*
 
 bool sample(const LayerClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out) {
   if (wo.z == 0) return false;
-  const float prob = prob_straight(p, wo);
+  const float prob = prob_passthrough(p, wo);
   if (u_lobe < prob) {
     out.wi = -wo;
     out.delta = true;
     out.transmitted = true;
-    out.straight = true;
+    out.passthrough = true;
     out.prob = out.prob_reverse = prob;
-    out.weight = straight(p, wo) * (1 / prob);
+    out.weight = passthrough(p, wo) * (1 / prob);
     return true;
   }
   static_cast<void>(p.phase.sample(wo, u, out.wi));
@@ -115,7 +115,7 @@ void LayerSurface::prepare(const SurfacePoint& at, bool /*below*/, Closure& out)
 BsdfFacts LayerSurface::facts() const {
   const bool scatters =
       thickness > 0 && !first.maximum().is_black() && !(by_albedo && second.maximum().is_black());
-  return {.smooth = scatters, .transmissive = scatters, .straight = true, .max_albedo = 1};
+  return {.smooth = scatters, .transmissive = scatters, .passthrough = true, .max_albedo = 1};
 }
 
 }  // namespace candela::scene

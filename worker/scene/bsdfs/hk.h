@@ -24,7 +24,7 @@ struct LayerClosure {
 };
 Spectrum eval_pdf(const LayerClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
 bool sample(const LayerClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
-Spectrum straight(const LayerClosure& p, Vec3 wo);
+Spectrum passthrough(const LayerClosure& p, Vec3 wo);
 
 struct LayerSurface {
   using ClosureType = LayerClosure;

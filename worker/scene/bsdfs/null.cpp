@@ -10,11 +10,11 @@ bool sample(const NullClosure& /*p*/, Vec3 wo, float /*u_lobe*/, Vec2 /*u*/, Tra
   out.weight = Spectrum(1);
   out.delta = true;
   out.transmitted = true;
-  out.straight = true;
+  out.passthrough = true;
   return true;
 }
 
-Spectrum straight(const NullClosure& /*p*/, Vec3 /*wo*/) {
+Spectrum passthrough(const NullClosure& /*p*/, Vec3 /*wo*/) {
   return Spectrum(1);
 }
 
@@ -27,7 +27,7 @@ void NullSurface::prepare(const SurfacePoint& /*at*/, bool /*below*/, Closure& o
 }
 
 BsdfFacts NullSurface::facts() const {
-  return {.straight = true, .max_albedo = 1};
+  return {.passthrough = true, .max_albedo = 1};
 }
 
 }  // namespace candela::scene

@@ -12,7 +12,7 @@ struct NullClosure {
   ClosureTraits traits() const { return {.purely_delta = true, .has_delta = true}; }
 };
 bool sample(const NullClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
-Spectrum straight(const NullClosure& p, Vec3 wo);
+Spectrum passthrough(const NullClosure& p, Vec3 wo);
 
 struct NullSurface {
   using ClosureType = NullClosure;

@@ -269,7 +269,7 @@ bool EditedWalk::sample(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfS
   Shares weights;
   if (plain_) {
     if (!nested_.sample(wo, u_lobe, u, mode, out)) return false;
-    if (out.straight) return true;  // no vertex
+    if (out.passthrough) return true;  // no vertex
     weights.fill(out.weight);
     leave(weights, out.delta ? delta : letter_, through(wo, out.wi), out);
     return true;
@@ -281,7 +281,7 @@ bool EditedWalk::sample(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfS
   const std::uint32_t drawn = std::min(static_cast<std::uint32_t>(scaled), all.count - 1);
   if (all.count > 1) u_lobe = std::clamp(scaled - static_cast<float>(drawn), 0.0f, 0x1.fffffep-1f);
   const Alternatives::One& from = all[drawn];
-  if (!nested_.sample(from.w, u_lobe, u, mode, out) || out.straight) return false;
+  if (!nested_.sample(from.w, u_lobe, u, mode, out) || out.passthrough) return false;
   const bool transmitted = through(from.w, out.wi);
   const Vec3 meant = out.wi;
   if ((from.where & Alternatives::slot_of(out.delta, transmitted)) == 0 ||
@@ -351,8 +351,8 @@ bool sample(const PathEditedClosure& e, Vec3 wo, float u_lobe, Vec2 u, Transport
   return e.walk->sample(wo, u_lobe, u, mode, out);
 }
 
-Spectrum straight(const PathEditedClosure& e, Vec3 wo) {
-  return e.walk->straight(wo);
+Spectrum passthrough(const PathEditedClosure& e, Vec3 wo) {
+  return e.walk->passthrough(wo);
 }
 
 Result<void> PathEditedSurface::build(const description::Object& object, const BuildContext& /*context*/) {

@@ -99,7 +99,7 @@ class EditedWalk {
   ClosureTraits traits() const;
   Spectrum eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, const float* diffuse_below, float& pdf) const;
   bool sample(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
-  Spectrum straight(Vec3 wo) const { return nested_.straight(wo); }
+  Spectrum passthrough(Vec3 wo) const { return nested_.passthrough(wo); }
 
  private:
   using Class = edits::PathStates::Class;
@@ -167,7 +167,7 @@ struct PathEditedClosure {
 Spectrum eval_pdf(const PathEditedClosure& e, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
 Spectrum eval_diffuse(const PathEditedClosure& e, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below);
 bool sample(const PathEditedClosure& e, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
-Spectrum straight(const PathEditedClosure& e, Vec3 wo);
+Spectrum passthrough(const PathEditedClosure& e, Vec3 wo);
 
 // A row of the list of kinds for the closure alone: no scene has it.
 struct PathEditedSurface {

@@ -119,7 +119,7 @@ bool sample(const PerturbedClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportM
   }
   if (!agrees(p, wo, mirror)) return false;
   if (!p.nested->sample(to_turned(p, wo, mirror), u_lobe, u, mode, out)) return false;
-  if (out.straight) {
+  if (out.passthrough) {
     out.wi = -wo;
     const bool tossed = p.flips && agrees(p, wo, false) && agrees(p, wo, true);  // by walks from the light
     if (to_eye) {
@@ -154,9 +154,9 @@ bool sample(const PerturbedClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportM
   return true;
 }
 
-Spectrum straight(const PerturbedClosure& p, Vec3 wo) {
+Spectrum passthrough(const PerturbedClosure& p, Vec3 wo) {
   const bool mirror = mirrors(p, wo);
-  return agrees(p, wo, mirror) ? p.nested->straight(to_turned(p, wo, mirror)) : Spectrum();
+  return agrees(p, wo, mirror) ? p.nested->passthrough(to_turned(p, wo, mirror)) : Spectrum();
 }
 
 void delta_choices(const PerturbedClosure& p, Vec3 wo, TransportMode mode, LobeRange range,

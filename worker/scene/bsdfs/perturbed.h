@@ -41,7 +41,7 @@ struct PerturbedClosure {
 Spectrum eval_pdf(const PerturbedClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
 Spectrum eval_diffuse(const PerturbedClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below);
 bool sample(const PerturbedClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
-Spectrum straight(const PerturbedClosure& p, Vec3 wo);
+Spectrum passthrough(const PerturbedClosure& p, Vec3 wo);
 void delta_choices(const PerturbedClosure& p, Vec3 wo, TransportMode mode, LobeRange range, LobeChoices& out);
 
 // Bump and normal maps as in Mitsuba 3.

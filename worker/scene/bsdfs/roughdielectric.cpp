@@ -154,7 +154,7 @@ void RoughDielectricSurface::prepare(const SurfacePoint& at, bool /*below*/, Clo
 
 BsdfFacts RoughDielectricSurface::facts() const {
   const float passing = boundary.transmittance.maximum().max_component();
-  if (matched()) return {.straight = passing > 0, .max_albedo = passing};
+  if (matched()) return {.passthrough = passing > 0, .max_albedo = passing};
   return {.smooth = true,
           .transmissive = passing > 0,
           .max_albedo = std::max(boundary.reflectance.maximum().max_component(), passing),

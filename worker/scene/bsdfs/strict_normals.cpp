@@ -35,11 +35,11 @@ Spectrum eval_diffuse(const StrictNormalsClosure& s, Vec3 wo, Vec3 wi, Transport
 bool sample(const StrictNormalsClosure& s, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
             BsdfSample& out) {
   if (!s.nested->sample(wo, u_lobe, u, mode, out)) return false;
-  return out.straight || (agrees(s, wo) && agrees(s, out.wi));
+  return out.passthrough || (agrees(s, wo) && agrees(s, out.wi));
 }
 
-Spectrum straight(const StrictNormalsClosure& s, Vec3 wo) {
-  return s.nested->straight(wo);
+Spectrum passthrough(const StrictNormalsClosure& s, Vec3 wo) {
+  return s.nested->passthrough(wo);
 }
 
 Result<void> StrictNormalsSurface::build(const description::Object& object, const BuildContext& /*context*/) {

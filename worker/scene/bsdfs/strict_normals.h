@@ -27,7 +27,7 @@ Spectrum eval_diffuse(const StrictNormalsClosure& s, Vec3 wo, Vec3 wi, Transport
                       float glossy_below);
 bool sample(const StrictNormalsClosure& s, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
             BsdfSample& out);
-Spectrum straight(const StrictNormalsClosure& s, Vec3 wo);
+Spectrum passthrough(const StrictNormalsClosure& s, Vec3 wo);
 
 struct StrictNormalsSurface {
   using ClosureType = StrictNormalsClosure;

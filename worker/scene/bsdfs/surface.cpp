@@ -5,7 +5,7 @@
 namespace candela::scene {
 
 void BsdfFacts::forget_lobes() {
-  delta = smooth = transmissive = straight = false;
+  delta = smooth = transmissive = passthrough = false;
   max_albedo = 0;
   min_roughness = 1;
 }
@@ -14,7 +14,7 @@ void BsdfFacts::join(const BsdfFacts& other) {
   delta |= other.delta;
   smooth |= other.smooth;
   transmissive |= other.transmissive;
-  straight |= other.straight;
+  passthrough |= other.passthrough;
   two_sided |= other.two_sided;
   perturbs |= other.perturbs;
   reads_partials |= other.reads_partials;

@@ -31,7 +31,7 @@ struct BsdfFacts {
   bool delta = false;         // has delta lobes (straight ones aside)
   bool smooth = false;        // has lobes that are not delta
   bool transmissive = false;  // light passes through by refraction or scattering
-  bool straight = false;      // light passes straight on
+  bool passthrough = false;   // light passes straight on
   bool two_sided = false;
   bool perturbs = false;        // turns the shading frame: bump and normal maps
   bool reads_partials = false;  // prepare() reads SurfaceHit::dp_du and dp_dv

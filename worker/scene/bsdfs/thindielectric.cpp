@@ -18,7 +18,7 @@ float boundary(const ThinDielectricClosure& p, Vec3 wo) {
 
 }  // namespace
 
-Spectrum straight(const ThinDielectricClosure& p, Vec3 wo) {
+Spectrum passthrough(const ThinDielectricClosure& p, Vec3 wo) {
   const float r = boundary(p, wo);
   return p.transmittance * ((1 - r) / (1 + r));
 }
@@ -42,7 +42,7 @@ bool sample(const ThinDielectricClosure& p, Vec3 wo, float u_lobe, Vec2 /*u*/, T
   }
   out.wi = -wo;
   out.transmitted = true;
-  out.straight = true;
+  out.passthrough = true;
   out.prob = out.prob_reverse = 1 - prob_reflect;
   out.weight = p.transmittance * (passing / (1 - prob_reflect));
   return out.prob > 0;
@@ -61,7 +61,7 @@ void ThinDielectricSurface::prepare(const SurfacePoint& at, bool /*below*/, Clos
 
 BsdfFacts ThinDielectricSurface::facts() const {
   BsdfFacts facts = boundary.facts();
-  facts.straight = facts.transmissive;
+  facts.passthrough = facts.transmissive;
   facts.transmissive = false;
   // An index of 1 reflects nothing.
   facts.delta = boundary.eta != 1 && !boundary.reflectance.maximum().is_black();

@@ -19,7 +19,7 @@ struct ThinDielectricClosure {
 };
 bool sample(const ThinDielectricClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
             BsdfSample& out);
-Spectrum straight(const ThinDielectricClosure& p, Vec3 wo);
+Spectrum passthrough(const ThinDielectricClosure& p, Vec3 wo);
 
 struct ThinDielectricSurface {
   using ClosureType = ThinDielectricClosure;

@@ -25,7 +25,7 @@ TurningLobes lobes_at_ends(const Closure& closure, Vec3 wo, Vec2 u, TransportMod
     if (any && lobe.transmitted == transmitted) continue;  // the same lobe
     any = true;
     transmitted = lobe.transmitted;
-    if (!lobe.straight) list.lobes[list.count++] = {lobe.wi, lobe.weight * lobe.prob};
+    if (!lobe.passthrough) list.lobes[list.count++] = {lobe.wi, lobe.weight * lobe.prob};
   }
   return list;
 }
@@ -37,7 +37,7 @@ constexpr float kSameDirection = 1e-6f;
 std::vector<TurningLobe> lobes_by_direction(const Closure& closure, Vec3 wo, TransportMode mode) {
   std::vector<TurningLobe> list;
   for (const DeltaLobe& lobe : delta_lobes(closure, wo, mode)) {
-    if (lobe.straight || lobe.value.is_black()) continue;
+    if (lobe.passthrough || lobe.value.is_black()) continue;
     const auto same = std::find_if(list.begin(), list.end(), [&](const TurningLobe& other) {
       const Vec3 apart = other.wi - lobe.wi;
       return dot(apart, apart) < kSameDirection * kSameDirection;
@@ -74,7 +74,7 @@ TurningLobes turning_lobes(const Closure& closure, Vec3 wo, float u_lobe, Vec2 u
   if (closure.is<PathEditedClosure>()) {  // it has no list
     TurningLobes list;
     BsdfSample lobe;
-    if (closure.sample(wo, u_lobe, u, mode, lobe) && lobe.delta && !lobe.straight)
+    if (closure.sample(wo, u_lobe, u, mode, lobe) && lobe.delta && !lobe.passthrough)
       list.lobes[list.count++] = {lobe.wi, lobe.weight};
     return list;
   }

@@ -14,7 +14,7 @@ Result<void> TwoSidedSurface::build(const description::Object& object, const Bui
     CANDELA_ASSIGN(std::unique_ptr<Bsdf> side, Bsdf::build_part(*child, context));
     const BsdfFacts facts = side->facts();
     if (facts.two_sided) return located("twosided holds one-sided bsdfs", *child, "");
-    if (facts.transmissive || facts.straight) {
+    if (facts.transmissive || facts.passthrough) {
       return located("twosided holds bsdfs that let no light through; " + child->plugin + " does", *child, "")
           .with_mend("use the " + child->plugin + " alone: it has two sides already");
     }

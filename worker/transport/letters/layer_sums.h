@@ -115,9 +115,9 @@ class LayerSums {
 
 // True if kernels of this form read the letters: only kernels for media know of letters, so that the
 // other kernels stay as they are. Null: the job has no expressions.
-template <Between kBetween>
+template <EdgeContent kEdgeContent>
 constexpr bool reads_letters([[maybe_unused]] const void* letters) {
-  if constexpr (kBetween == Between::media) return letters != nullptr;
+  if constexpr (kEdgeContent == EdgeContent::media) return letters != nullptr;
   return false;
 }
 
@@ -159,9 +159,9 @@ class EyeLetters {
 };
 
 // Letters of eye paths for kernels that read them, if `letters` is given.
-template <Between kBetween>
+template <EdgeContent kEdgeContent>
 std::optional<EyeLetters> eye_letters(const PathLetters* letters) {
-  if (!reads_letters<kBetween>(letters)) return std::nullopt;
+  if (!reads_letters<kEdgeContent>(letters)) return std::nullopt;
   return std::optional<EyeLetters>(std::in_place, *letters);
 }
 

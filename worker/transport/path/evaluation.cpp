@@ -48,12 +48,12 @@ struct DeltaLobe {
 
 // The delta lobe that a walk takes which comes from wo and leaves along wi (local); of several the one of
 // probability nearest to `prob`, if that is given.
-DeltaLobe find_delta(const scene::Closure& closure, Vec3 wo, Vec3 wi, TransportMode mode, bool straight,
+DeltaLobe find_delta(const scene::Closure& closure, Vec3 wo, Vec3 wi, TransportMode mode, bool passthrough,
                      double prob) {
   DeltaLobe best;
   double nearest = kInfinity;
   for (const scene::DeltaLobe& lobe : scene::delta_lobes(closure, wo, mode)) {
-    if (lobe.straight != straight || dot(lobe.wi, wi) < 1 - 1e-5f) continue;
+    if (lobe.passthrough != passthrough || dot(lobe.wi, wi) < 1 - 1e-5f) continue;
     const auto found = static_cast<double>(lobe.prob);
     const double distance = prob > 0 ? std::abs(found - prob) : 0;
     if (distance >= nearest) continue;
@@ -240,7 +240,7 @@ bool Evaluation::follow_edge(std::size_t i) {
     Pass pass;
     pass.hit = hit;
     // Viewed from the eye, that is from where the light goes to.
-    pass.fraction = channels(scene_.straight(hit, path_.along[i]));
+    pass.fraction = channels(scene_.passthrough(hit, path_.along[i]));
     if (!(pass.fraction[0] + pass.fraction[1] + pass.fraction[2] > 0)) return false;
     edge.stretches.push_back({scene::kNone, reached});
     edge.passes.push_back(pass);
@@ -402,7 +402,7 @@ void Evaluation::evaluate_cone(std::size_t i, const scene::Closure& from_light,
   Inner& x = inner_[i - 1];
   for (const scene::DeltaLobe& lobe : scene::delta_lobes(to_light ? from_eye : from_light, local, mode)) {
     const Vec3 wi = v.hit.shading.to_world(lobe.wi);
-    if (lobe.straight || !(static_cast<double>(dot(wi, v.hit.ng)) * side > 0) ||
+    if (lobe.passthrough || !(static_cast<double>(dot(wi, v.hit.ng)) * side > 0) ||
         !mollifier.inside(Vec3d(wi), way))
       continue;
     const double adjoint = to_light ? 1 : static_cast<double>(shading_correction(v.hit, wo, wi));

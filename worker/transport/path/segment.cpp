@@ -143,7 +143,7 @@ bool SceneSurfaces::meet(std::size_t i, const ChainVertex& from, Vec3d towards, 
     if (!point) return false;
     const scene::SurfaceHit hit = scene_.points().hit(*point);
     if (hit.bsdf == segment_.bsdfs[i - 1]) return set_surface(scene_, *point, hit.error, out);
-    if (scene_.straight(hit, Vec3(-d)).is_black()) return false;
+    if (scene_.passthrough(hit, Vec3(-d)).is_black()) return false;
     ray = spawn_ray(hit, Vec3(d));
   }
   return false;

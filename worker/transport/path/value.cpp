@@ -106,7 +106,7 @@ Scaled Evaluation::step_density(bool from_light, std::size_t v) const {
 }
 
 double Evaluation::prob_stay(bool from_light, std::size_t v) const {
-  if (!scene_.features().any_straight || numbers_.in_medium[v]) return 1;
+  if (!scene_.features().any_passthrough || numbers_.in_medium[v]) return 1;
   const scene::SurfaceHit& hit = v == 0 ? path_.light : path_.inner[v - 1].hit;
   const Vec3 wo = hit.shading.to_local(from_light ? -path_.along[v - 1] : path_.along[v]);
   scene::ClosureArena arena;
@@ -114,7 +114,7 @@ double Evaluation::prob_stay(bool from_light, std::size_t v) const {
   double stays = 1;
   for (const scene::DeltaLobe& lobe :
        scene::delta_lobes(closure, wo, from_light ? TransportMode::importance : TransportMode::radiance))
-    if (lobe.straight) stays -= static_cast<double>(lobe.prob);
+    if (lobe.passthrough) stays -= static_cast<double>(lobe.prob);
   return std::max(stays, 0.0);
 }
 

@@ -12,7 +12,7 @@ namespace candela::transport {
 // the sums are the same. False: a value is unusable, and none was added.
 inline bool put_statistics(film::UnitAccumulator& sums, bool alone, std::uint32_t x, std::uint32_t y,
                            std::span<const double> values, std::uint64_t key) {
-  film::Tallies ignored;
+  film::SampleCounts ignored;
   return alone ? sums.add(x, y, 0, values, key, ignored) : sums.splat(x, y, 0, values, key, ignored);
 }
 

@@ -21,7 +21,7 @@ double connections(const ConnectContext& c, const ScatterPoint& z, const Scatter
 }
 
 // The light's vertex z connected to the eye's vertex y.
-template <Between kBetween, class Mis>
+template <EdgeContent kEdgeContent, class Mis>
 bool connect(const ConnectContext& c, const Vertex<typename Mis::Block>& z,
              const Vertex<typename Mis::Block>& y, std::uint64_t stream_key, const MergeFactors& eta,
              Contribution& out, WeightTerms* terms = nullptr) {
@@ -31,7 +31,7 @@ bool connect(const ConnectContext& c, const Vertex<typename Mis::Block>& z,
   const double distance_squared = length_squared(between);
   if (!(distance_squared > 0)) return false;
   const Vec3 to_light = Vec3(between / std::sqrt(distance_squared));
-  if (!may_meet<kBetween>(c, y, z, to_light)) return false;
+  if (!may_meet<kEdgeContent>(c, y, z, to_light)) return false;
   float pdf_eye = 0, pdf_light = 0;
   const Spectrum at_eye = scatter_value(c.scene, y, y.wo, to_light, TransportMode::radiance, pdf_eye);
   if (at_eye.is_black()) return false;
@@ -39,7 +39,7 @@ bool connect(const ConnectContext& c, const Vertex<typename Mis::Block>& z,
   if (at_light.is_black()) return false;
   const Ray ray = spawn_shadow_ray(y.hit, z.hit.p, z.on_surface() ? z.hit.ng : Vec3{}, z.hit.error);
   double survival = 1;
-  const Spectrum passed = visibility<kBetween>(c, y, ray, stream_key, survival);
+  const Spectrum passed = visibility<kEdgeContent>(c, y, ray, stream_key, survival);
   if (passed.is_black()) return false;
   out.value =
       y.throughput * at_eye * passed * at_light * z.throughput * static_cast<float>(1 / distance_squared);

@@ -8,7 +8,7 @@ namespace candela::transport {
 
 // The light's vertex z connected to a point on the lens. The value is for a film of splats filtered by
 // PixelFilter::eval, one light path in the iteration: to be divided by their number.
-template <Between kBetween, class Mis, class SamplerT, EtaField Eta>
+template <EdgeContent kEdgeContent, class Mis, class SamplerT, EtaField Eta>
 bool connect_lens(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
                   const Vertex<typename Mis::Block>& z, const Eta& eta_field, FilmPosition& film,
                   Contribution& out, WeightTerms* terms = nullptr, Towards* towards = nullptr) {
@@ -20,7 +20,7 @@ bool connect_lens(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
   if (value.is_black()) return false;
   double survival = 1;
   const Spectrum passed =
-      visibility<kBetween>(c, z, camera.shadow_ray, passage_key<kBetween>(draws), survival);
+      visibility<kEdgeContent>(c, z, camera.shadow_ray, passage_key<kEdgeContent>(draws), survival);
   if (passed.is_black()) return false;
   film = {camera.film_x, camera.film_y};
   out.value = z.throughput * value * passed * (camera.importance / camera.pdf_solid_angle);

@@ -50,9 +50,9 @@ struct ConnectContext {
   const scene::Scene& scene;
   const MisFactors& factors;
   const WalkRules& rules;
-  film::Tallies& tallies;
+  film::SampleCounts& sample_counts;
   const bool chooses_emitter = reads_emitter_choice(scene);
-  const bool passes_straight = scene.features().any_straight;
+  const bool passes_through = scene.features().any_passthrough;
 };
 
 enum class SubpathOf : std::uint8_t { light, eye };
@@ -80,17 +80,17 @@ inline std::uint32_t medium_towards(const ConnectContext& c, const ScatterPoint&
 
 // False if the media at the ends of an edge say that a surface blocks it: where no surface lets light pass
 // straight on, an edge that nothing blocks lies in one medium. w: from y to z.
-template <Between kBetween>
+template <EdgeContent kEdgeContent>
 bool may_meet(const ConnectContext& c, const ScatterPoint& y, const ScatterPoint& z, Vec3 w) {
-  if constexpr (kBetween != Between::media) return true;
-  return c.passes_straight || medium_towards(c, y, w) == medium_towards(c, z, -w);
+  if constexpr (kEdgeContent != EdgeContent::media) return true;
+  return c.passes_through || medium_towards(c, y, w) == medium_towards(c, z, -w);
 }
 
 // As passing(), in a scene where no surface lets light pass straight on: all of an edge that nothing blocks
 // lies in one medium, and what blocks it need not be known.
 inline Spectrum through_one_medium(const ConnectContext& c, const Ray& shadow_ray, std::uint32_t medium,
                                    std::uint64_t stream_key, double& survival) {
-  ++c.tallies.rays;
+  ++c.sample_counts.rays;
   if (c.scene.occluded(shadow_ray)) return {};
   if (medium == scene::kNone) return Spectrum(1.0f);
   rng::Stream stream(stream_key);
@@ -100,27 +100,28 @@ inline Spectrum through_one_medium(const ConnectContext& c, const Ray& shadow_ra
 
 // The fraction of light that passes between vertex v and along `shadow_ray` from it, and the survival of
 // weights.
-template <Between kBetween>
+template <EdgeContent kEdgeContent>
 Spectrum visibility(const ConnectContext& c, const ScatterPoint& v, const Ray& shadow_ray,
                     std::uint64_t stream_key, double& survival) {
   survival = 1;
-  if constexpr (kBetween == Between::nothing) {
-    ++c.tallies.rays;
+  if constexpr (kEdgeContent == EdgeContent::nothing) {
+    ++c.sample_counts.rays;
     return c.scene.occluded(shadow_ray) ? Spectrum() : Spectrum(1.0f);
   } else {
     std::uint32_t medium = v.medium;
-    if constexpr (kBetween == Between::media) {
+    if constexpr (kEdgeContent == EdgeContent::media) {
       medium = medium_towards(c, v, shadow_ray.direction);
-      if (!c.passes_straight) return through_one_medium(c, shadow_ray, medium, stream_key, survival);
+      if (!c.passes_through) return through_one_medium(c, shadow_ray, medium, stream_key, survival);
     }
-    return passing<kBetween>(c.scene, shadow_ray, medium, rng::Stream(stream_key), c.tallies.rays, &survival);
+    return passing<kEdgeContent>(c.scene, shadow_ray, medium, rng::Stream(stream_key), c.sample_counts.rays,
+                                 &survival);
   }
 }
 
 // The key of a sub-stream for tracking through media, from the vertex's block.
-template <Between kBetween, class SamplerT>
+template <EdgeContent kEdgeContent, class SamplerT>
 std::uint64_t passage_key(const VertexDraws<SamplerT>& draws) {
-  if constexpr (kBetween != Between::media) return 0;
+  if constexpr (kEdgeContent != EdgeContent::media) return 0;
   const Vec2 u = draws.sampler.draw_2d(draws.block + kTransmittance, false);
   return rng::key(std::bit_cast<std::uint32_t>(u.x), std::bit_cast<std::uint32_t>(u.y), 0);
 }

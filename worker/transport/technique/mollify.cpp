@@ -8,7 +8,7 @@ namespace candela::transport {
 namespace {
 
 // The form for all scenes: these connections are few.
-constexpr Between kBetween = Between::media;
+constexpr EdgeContent kEdgeContent = EdgeContent::media;
 
 }  // namespace
 
@@ -40,14 +40,14 @@ bool mollified_connect(const ConnectContext& c, const MollifiedEnd& light, const
   // The cone is the rarest of all that has to fit.
   Spectrum delta = eye.lobes != nullptr ? lobes_towards(*eye.lobes, y.hit.ng, between, mollifier)
                                         : lobes_towards(*light.lobes, z.hit.ng, -between, mollifier);
-  if (delta.is_black() || !may_meet<kBetween>(c, y, z, to_light)) return false;
+  if (delta.is_black() || !may_meet<kEdgeContent>(c, y, z, to_light)) return false;
   float pdf = 0;
   delta *= eye.lobes != nullptr ? scatter_value(c.scene, z, z.wo, -to_light, TransportMode::importance, pdf)
                                 : scatter_value(c.scene, y, y.wo, to_light, TransportMode::radiance, pdf);
   if (delta.is_black()) return false;
   const Ray ray = spawn_shadow_ray(y.hit, z.hit.p, z.on_surface() ? z.hit.ng : Vec3{}, z.hit.error);
   double survival = 1;
-  const Spectrum passed = visibility<kBetween>(c, y, ray, stream_key, survival);
+  const Spectrum passed = visibility<kEdgeContent>(c, y, ray, stream_key, survival);
   if (passed.is_black()) return false;
   out.value = y.throughput * delta * passed * z.throughput *
               static_cast<float>(mollifier.value_over_length_squared(distance_squared));
@@ -73,7 +73,7 @@ bool mollified_light(const ConnectContext& c, const ScatterPoint& v, const scene
   const Spectrum value = light_in_lobes(c.scene, v.hit, lobes, light, mollifier, length);
   if (value.is_black()) return false;
   double survival = 1;
-  const Spectrum passed = visibility<kBetween>(c, v, light.shadow_ray, stream_key, survival);
+  const Spectrum passed = visibility<kEdgeContent>(c, v, light.shadow_ray, stream_key, survival);
   if (passed.is_black()) return false;
   out.value = v.throughput * value * passed;
   out.weight = 1;
@@ -92,7 +92,7 @@ bool mollified_lens(const ConnectContext& c, const ScatterPoint& z, const scene:
   const Spectrum attenuation = lobes_towards(lobes, z.hit.ng, to, mollifier);
   if (attenuation.is_black()) return false;
   double survival = 1;
-  const Spectrum passed = visibility<kBetween>(c, z, camera.shadow_ray, stream_key, survival);
+  const Spectrum passed = visibility<kEdgeContent>(c, z, camera.shadow_ray, stream_key, survival);
   if (passed.is_black()) return false;
   film = {camera.film_x, camera.film_y};
   out.value = z.throughput * attenuation * passed *

@@ -7,7 +7,7 @@
 namespace candela::transport {
 
 // Next event estimation at the eye's vertex v, which is connectible.
-template <Between kBetween, class Mis, class SamplerT>
+template <EdgeContent kEdgeContent, class Mis, class SamplerT>
 bool next_event(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
                 const Vertex<typename Mis::Block>& v, const MergeFactors& eta, Contribution& out,
                 WeightTerms* terms = nullptr, Towards* towards = nullptr) {
@@ -21,7 +21,7 @@ bool next_event(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
   if (value.is_black()) return false;
   double survival = 1;
   const Spectrum passed =
-      visibility<kBetween>(c, v, light.shadow_ray, passage_key<kBetween>(draws), survival);
+      visibility<kEdgeContent>(c, v, light.shadow_ray, passage_key<kEdgeContent>(draws), survival);
   if (passed.is_black()) return false;
   out.value = v.throughput * value * passed * light.radiance * (1 / light.pdf_solid_angle);
   out.weight = 1;

@@ -23,7 +23,7 @@ inline bool counts_repeats(std::uint64_t sample_key) {
 // connectible. Photons without a contribution count too.
 template <class Block>
 void count_repeats(const MergeMaps<Block>& maps, const MergeScale& scale, const ScatterPoint& v,
-                   film::Tallies& tallies) {
+                   film::SampleCounts& sample_counts) {
   const PhotonMap<Block>* map = maps.map_for(v);
   if (map == nullptr || !map->knows_paths()) return;
   std::vector<std::uint64_t> paths;
@@ -35,8 +35,8 @@ void count_repeats(const MergeMaps<Block>& maps, const MergeScale& scale, const 
                    });
   std::sort(paths.begin(), paths.end());
   const auto different = std::unique(paths.begin(), paths.end()) - paths.begin();
-  tallies.sampled_merges += paths.size();
-  tallies.repeated_merges += paths.size() - static_cast<std::size_t>(different);
+  sample_counts.sampled_merges += paths.size();
+  sample_counts.repeated_merges += paths.size() - static_cast<std::size_t>(different);
 }
 
 }  // namespace candela::transport
