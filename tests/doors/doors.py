@@ -70,10 +70,11 @@ class Doors:
         (folder / "token").write_text(TOKEN + "\n")
         (folder / "token").chmod(0o600)
         os.environ["XDG_STATE_HOME"] = str(folder / "state")
-        self.master = self.child("candela-master", "--listen", "127.0.0.1:0", "--http", "127.0.0.1:0", "--data", folder / "data",
+        # The product's master, which also tells of violated invariants of its scheduler (tests/farm/checked_master.h).
+        self.master = self.child("checked-master", "--listen", "127.0.0.1:0", "--http", "127.0.0.1:0", "--data", folder / "data",
                                  "--page-token-file", folder / "token", "--unit-time", "0.3", "--lease-time", "5",
                                  "--checkpoint-interval", "1")
-        said = folder / "candela-master-0.log"
+        said = self.log = folder / "checked-master-0.log"
         found = self.eventually("the master listens",
                                 lambda: re.search(r"listening on (\S+)\nhttp on (\S+):(\d+)\n", said.read_text()))
         self.address, self.http = found[1], (found[2], int(found[3]))
@@ -108,6 +109,8 @@ class Doors:
     def check_master(self):
         if (code := self.master.poll()) is not None:
             raise Finding(f"the master ended with {code}")
+        if violation := re.search(r"^invariant violated: .*", self.log.read_text(errors="replace"), re.M):
+            raise Finding(violation[0])
         resident = int(re.search(r"VmRSS:\s+(\d+)", Path(f"/proc/{self.master.pid}/status").read_text())[1]) << 10
         self.counts["peak MB"] = max(self.counts["peak MB"], resident >> 20)
         if resident > MEMORY:
@@ -425,7 +428,7 @@ def main():
             print(f"doors: FAILED (seed {given.seed}): {found}\nthe last requests, the newest last:")
             for what, sent in list(doors.recent if doors else [])[-3:]:
                 print(f"  {what} {str(sent)[:1500]}")
-            log = Path(scratch) / "candela-master-0.log"
+            log = Path(scratch) / "checked-master-0.log"
             if log.exists():
                 print(log.read_text(errors="replace")[-3000:])
             if given.keep and doors:

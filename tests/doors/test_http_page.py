@@ -29,9 +29,11 @@ with tempfile.TemporaryDirectory(prefix="candela-http-") as scratch:
                    "SCENE": str(SOURCE / "deploy/scenes/cornell/scene.xml"), "no_proxy": "*"}
     processes = []
     try:
-        master = subprocess.Popen([PROGRAMS / "candela-master", "--data", folder / "data", "--listen", "127.0.0.1:0",
-                                   "--http", "127.0.0.1:0", "--page-token-file", folder / "page-token"],
-                                  env=environment, stdout=subprocess.PIPE, text=True)
+        # The product's master, which also tells of violated invariants of its scheduler (tests/farm/checked_master.h).
+        with open(folder / "master.err", "wb") as errors:
+            master = subprocess.Popen([PROGRAMS / "checked-master", "--data", folder / "data", "--listen", "127.0.0.1:0",
+                                       "--http", "127.0.0.1:0", "--page-token-file", folder / "page-token"],
+                                      env=environment, stdout=subprocess.PIPE, stderr=errors, text=True)
         processes.append(master)
         address = master.stdout.readline().split()[-1]
         environment["URL"] = "http://" + master.stdout.readline().split()[-1]
@@ -53,3 +55,5 @@ with tempfile.TemporaryDirectory(prefix="candela-http-") as scratch:
         for process in processes[::-1]:
             process.terminate()
             process.wait(60)
+        print((folder / "master.err").read_text())
+    assert "invariant violated: " not in (folder / "master.err").read_text()

@@ -108,6 +108,7 @@ def main():
 
 
 def measure(given, folder, child):
+    # A plain master: one that looks at its invariants takes more CPU time.
     master = child("candela-master", "--listen", "127.0.0.1:0", "--http", "127.0.0.1:0", "--data", folder / "data",
                    "--unit-time", "1")
     said = folder / "candela-master.log"
