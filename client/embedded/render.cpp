@@ -5,8 +5,10 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
+#include <charconv>
 #include <chrono>
 #include <cmath>
+#include <optional>
 #include <ostream>
 #include <thread>
 
@@ -25,6 +27,7 @@
 #include "client/values.h"
 #include "common/base/config.h"
 #include "common/base/quantity.h"
+#include "common/image/bits.h"
 #include "common/image/formats.h"
 #include "common/wire/job_figures.h"
 #include "common/wire/json.h"
@@ -217,6 +220,28 @@ Error diagnose(const v1::JobStatus& status, const LoadedScene& scene, const Rend
   return failed_error(fmt::format("the render failed: {}", printable(status.message())));
 }
 
+// Puts the fetched image's iterations and error in place of the status's, whose error may be that of an
+// earlier image. The image of one half has no error: the status keeps its own.
+Result<void> take_figures(const std::string& exr, v1::JobStatus& status) {
+  CANDELA_ASSIGN(const auto texts, image::texts_of(exr));
+  const auto number = [&](const char* name) -> std::optional<double> {
+    const auto found = texts.find(name);
+    double value = 0;
+    if (found == texts.end() ||
+        std::from_chars(found->second.data(), found->second.data() + found->second.size(), value).ec !=
+            std::errc())
+      return std::nullopt;
+    return value;
+  };
+  const auto relmse = number("candela:relmse_estimate"), upper = number("candela:relmse_upper");
+  if (!relmse || !upper) return {};
+  status.set_relmse_estimate(*relmse);
+  status.set_relmse_upper(*upper);
+  if (const auto iterations = number("candela:iterations"))
+    status.set_iterations(static_cast<std::uint64_t>(*iterations));
+  return {};
+}
+
 std::string summary(const v1::JobStatus& status, const std::string& output) {
   std::string text = fmt::format("{}: {}", printable(output), effort_text(status, status.iterations()));
   if (std::isfinite(status.relmse_estimate())) text += ", " + relmse_text(status);
@@ -312,6 +337,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   FetchedImage fetched;
   if (last.units_merged() > 0) {
     CANDELA_ASSIGN(fetched, fetch_for(*client, id, request, output));
+    CANDELA_TRY(take_figures(fetched.exr, last));
   }
   const auto write = [&]() -> Result<void> {
     CANDELA_ASSIGN(const std::string note, write_images(output, fetched));

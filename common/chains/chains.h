@@ -155,8 +155,8 @@ class BootstrapTable {
   BootstrapSums sums() const;
   Normalisation normalisation() const;
   // The start of each chain, drawn in proportion to the contribution by one stratified comb with an offset of
-  // the seed's, shuffled, so that both halves sample the comb evenly. Empty if b
-  // is zero.
+  // the seed's, shuffled; if a sample starts several chains, by a part of the comb for each half of the
+  // chains. Empty if b is zero. Precondition: an even number of chains.
   std::vector<std::uint64_t> choose_starts(std::uint32_t chains, std::uint64_t seed) const;
 
  private:

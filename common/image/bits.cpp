@@ -36,12 +36,21 @@ Error cannot_read(const std::filesystem::path& path, ImageReader& reader) {
   return input_error("the pixels cannot be read: " + one_line(reader.error())).at(path.string(), 0);
 }
 
+std::map<std::string, std::string> texts_of(ImageReader& reader) {
+  const auto& texts = reader.spec().texts;
+  return {texts.begin(), texts.end()};
+}
+
 }  // namespace
 
 Result<std::map<std::string, std::string>> read_texts(const std::filesystem::path& path) {
   CANDELA_ASSIGN(const std::unique_ptr<ImageReader> reader, open_file(path));
-  const auto& texts = reader->spec().texts;
-  return std::map<std::string, std::string>(texts.begin(), texts.end());
+  return texts_of(*reader);
+}
+
+Result<std::map<std::string, std::string>> texts_of(std::string_view exr) {
+  CANDELA_ASSIGN(const std::unique_ptr<ImageReader> reader, open_bytes(exr, "openexr", "memory.exr", false));
+  return texts_of(*reader);
 }
 
 Result<BitComparison> compare_bits(const std::filesystem::path& a, const std::filesystem::path& b) {

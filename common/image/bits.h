@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
@@ -13,6 +14,8 @@ namespace candela::image {
 
 // The attributes that are text, without reading a pixel. Errors name the file.
 Result<std::map<std::string, std::string>> read_texts(const std::filesystem::path& path);
+// The same of an OpenEXR file in memory. Errors name no file.
+Result<std::map<std::string, std::string>> texts_of(std::string_view exr);
 
 struct BitComparison {
   std::vector<std::string> equal, differing;  // channels of both files

@@ -217,7 +217,6 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
       main_path = bundle->main_path;
     }
   describe_set(row, film, parts, parameters, main_path, m);
-  m["candela:run:units_merged"] = std::to_string(row.units_merged);
   m["candela:run:stop_reason"] = row.stop_reason;
   if (row.epochs)
     if (const auto status = reports_.status(row.id)) describe_epochs(*status, m);

@@ -1,9 +1,9 @@
 // Images of what is merged: a snapshot of a film becomes the bytes of an EXR file that explains itself.
 //
 // Pixels, and every attribute under "candela:" but those named here, depend on scene, settings and merged
-// iterations alone: equal renders have equal bytes there. What tells of this run (its job id and name, how
-// many units it was cut into, why it stopped) is in candela:job, candela:name and under "candela:run:"; where
-// its scene lay is in candela:scene and candela:reproduce.
+// iterations alone: equal renders have equal bytes there. Facts of the run (its job id and name, why it
+// stopped, which builds worked on it) are in candela:job, candela:name and under "candela:run:". The place
+// of its scene is in candela:scene and candela:reproduce.
 //
 // Called by any number of threads at a time. The images that were sent a short time ago have a lock of their
 // own (RecentImages); an image is encoded from a snapshot, under no lock.

@@ -182,7 +182,8 @@ TEST(Reproduce, AfterDeaths) {
 }
 
 // Claim: equal jobs show one error and one interval: on one worker, and on three while the master and a
-// worker are killed; in the status, in the picture, and in what one process renders.
+// worker are killed; in the status, in the picture, and in what one process renders. The heads of their
+// pictures differ in the job alone.
 TEST(Reproduce, OneFigure) {
   Farm farm;
   farm.start_master(kShortUnits);
@@ -205,6 +206,13 @@ TEST(Reproduce, OneFigure) {
   farm.forget_worker(last);
   farm.restart_master();
   EXPECT_EQ(shown(again), figures);
+  const auto head_of = [&](const std::string& id) {
+    auto texts = image::read_texts(farm.folder() / (id + ".exr"));
+    EXPECT_TRUE(texts.ok());
+    EXPECT_EQ(texts->erase("candela:job"), 1U);
+    return *texts;
+  };
+  EXPECT_EQ(head_of(again), head_of(alone));
   std::vector<std::string> render{
       "render", scene_path("cornell"), "-o", farm.folder() / "here.exr", "--size", "16x12", "--seed", "3"};
   for (const auto& more : {with("fppm"), limit}) render.insert(render.end(), more.begin(), more.end());

@@ -1,5 +1,6 @@
 // Pausing, resuming, extending, cancelling, interrupting: whatever is asked of a job on its way, its
 // iterations make the same image.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -215,6 +216,14 @@ TEST_F(Steering, RenderInterruptedAndResumed) {
       EXPECT_EQ(partial.value().width, kWidth);
       EXPECT_NE(process->err().find("--resume"), std::string::npos)
           << "it does not say how to go on: " << process->err();
+      // The error in the last line is the image's, not that of an estimate before it.
+      const auto figure = [&](const char* name) {
+        return fmt::format("{:.1e}", std::stod(partial.value().metadata.at(name)));
+      };
+      EXPECT_NE(process->err().find(fmt::format("relMSE {} (at most {}),", figure("candela:relmse_estimate"),
+                                                figure("candela:relmse_upper"))),
+                std::string::npos)
+          << process->err();
       const CommandResult again = farm_.candela({"reproduce", out, "--run", "--quiet"});
       EXPECT_EQ(again.exit_code, 0) << again.out << again.err;
     }

@@ -135,6 +135,7 @@ TEST(Bootstrap, TableIsExact) {
 // expected number of chains, whatever the seed; zeros start none; and over seeds (and within one half of the
 // chains) the mean is that expectation. 2000 seeds, each sample within 5 standard errors of the fraction's
 // Bernoulli: a false alarm in about one of 10^5 such tests; a comb without a random offset fails at once.
+// At most one sample starts chains of both halves, whose error is known by their difference.
 TEST(Bootstrap, StartsAreInProportion) {
   const std::vector<float> values = {0, 1, 2.5F, 0, 0.25F, 7, 0, 1.5F, 0.1F};
   BootstrapTable table(values.size());
@@ -146,25 +147,38 @@ TEST(Bootstrap, StartsAreInProportion) {
   for (int seed = 0; seed < kSeeds; ++seed) {
     const auto starts = table.choose_starts(kChains, static_cast<std::uint64_t>(seed));
     ASSERT_EQ(starts.size(), kChains);
-    std::vector<int> count(values.size());
+    std::vector<int> count(values.size()), of_half(values.size());
     for (std::size_t c = 0; c < starts.size(); ++c) {
       ++count.at(starts[c]);
-      if (c % 2 == 0) half[starts[c]] += 2.0 / kSeeds;
+      if (c % 2 == 0) ++of_half[starts[c]];
     }
+    int in_both = 0;
     for (std::size_t i = 0; i < values.size(); ++i) {
+      half[i] += 2.0 * of_half[i] / kSeeds;
+      in_both += of_half[i] > 0 && of_half[i] < count[i] ? 1 : 0;
       const double expected = kChains * static_cast<double>(values[i]) / sum;
       EXPECT_GE(count[i], std::floor(expected - 1e-9));
       EXPECT_LE(count[i], std::ceil(expected + 1e-9));
       mean[i] += static_cast<double>(count[i]) / kSeeds;
     }
+    EXPECT_LE(in_both, 1) << seed;
   }
   for (std::size_t i = 0; i < values.size(); ++i) {
     const double expected = kChains * static_cast<double>(values[i]) / sum;
     const double fraction = expected - std::floor(expected);
     EXPECT_NEAR(mean[i], expected, 5 * std::sqrt(fraction * (1 - fraction) / kSeeds) + 1e-9) << i;
-    // Of a half: at most hypergeometric besides, whose variance is below expected; doubled, twice its root.
-    EXPECT_NEAR(half[i], expected, 5 * 2 * std::sqrt((expected / 4 + fraction) / kSeeds) + 1e-9) << i;
+    // A half has all chains of a sample or none: doubled, its count is within `expected` of its mean.
+    EXPECT_NEAR(half[i], expected, 5 * std::sqrt((expected * expected + fraction) / kSeeds) + 1e-9) << i;
   }
+  // If no sample starts two chains, the order is random over both halves.
+  BootstrapTable even(40);
+  ASSERT_TRUE(even.insert(0, std::vector<float>(40, 1.0F)).ok());
+  std::vector<double> first_half(40);
+  for (int seed = 0; seed < kSeeds; ++seed) {
+    const auto starts = even.choose_starts(kChains, static_cast<std::uint64_t>(seed));
+    for (std::size_t c = 0; c < starts.size(); c += 2) first_half[starts[c]] += 1.0 / kSeeds;
+  }
+  for (const double share : first_half) EXPECT_NEAR(share, 0.25, 5 * std::sqrt(0.25 * 0.75 / kSeeds));
   BootstrapTable black(4);
   ASSERT_TRUE(black.insert(0, std::vector<float>(4)).ok());
   EXPECT_TRUE(black.choose_starts(8, 1).empty());

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <ctime>
 #include <filesystem>
+#include <functional>
 #include <limits>
+#include <utility>
 
 #include "common/base/files.h"
 #include "common/stats/error_interval.h"
@@ -85,7 +87,7 @@ std::vector<CoverageRow> coverage_rows(const CoverageScene& scene, const std::st
     const double factor = h.chains ? (w0 * w0 + w1 * w1) / 2 : w0 * w1;
     CoverageRow row{.scene = scene.name,
                     .integrator = integrator,
-                    .held_out = scene.held_out,
+                    .held_out = held_out(scene, integrator),
                     .seed = seed,
                     .spp = point.spp};
     double image_mean = 0;
@@ -117,16 +119,23 @@ std::vector<CoverageRow> coverage_rows(const CoverageScene& scene, const std::st
 
 std::string coverage_table(const std::vector<CoverageRow>& rows) {
   std::string out;
-  for (const bool held_out : {false, true}) {
+  const auto chosen_by = [](const CoverageRow& row) { return !row.held_out; };
+  const auto kept_apart = [](const CoverageRow& row) { return row.held_out; };
+  const auto any = [](const CoverageRow&) { return true; };
+  const std::vector<std::pair<std::string, std::function<bool(const CoverageRow&)>>> parts = {
+      {"Scenes that the method was chosen by", chosen_by},
+      {"Scenes held out", kept_apart},
+      {"All scenes", any}};
+  for (const auto& [title, within] : parts) {
     const auto part = [&](const std::string& integrator) {
       std::vector<CoverageRow> some;
       std::copy_if(rows.begin(), rows.end(), std::back_inserter(some), [&](const CoverageRow& row) {
-        return row.held_out == held_out && (integrator.empty() || row.integrator == integrator);
+        return within(row) && (integrator.empty() || row.integrator == integrator);
       });
       return some;
     };
     if (part("").empty()) continue;
-    out += fmt::format("{}\n\n", held_out ? "Scenes held out" : "Scenes that the method was chosen by");
+    out += title + "\n\n";
     out +=
         "| integrator | 4, 8 spp | | | | 16, 32 | | | | from 64 | | | "
         "|\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";

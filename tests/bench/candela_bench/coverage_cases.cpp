@@ -176,6 +176,10 @@ Result<std::vector<CoveragePoint>> render(const CoverageScene& scene, const std:
 
 }  // namespace
 
+bool held_out(const CoverageScene& scene, const std::string& integrator) {
+  return scene.held_out && std::ranges::find(scene.looked_at, integrator) == scene.looked_at.end();
+}
+
 std::vector<CoverageScene> coverage_scenes() {
   const fs::path shared = test::shared_path() / "scenes";
   const auto deploy = [](const char* name) {
@@ -208,8 +212,11 @@ std::vector<CoverageScene> coverage_scenes() {
       file("curvature", study("curvature"), true, "path"),
       file("veach-bidir", shared / "veach-bidir/scene.xml", true),
   };
-  for (CoverageScene& scene : scenes)
+  for (CoverageScene& scene : scenes) {
     if (scene.name == "furnace") scene.exact = 1;
+    if (scene.name == "veach-bidir") scene.looked_at = {"ppm", "bpm", "fppm", "cppm", "appm", "mcppm"};
+    if (scene.name == "mirror-room") scene.looked_at = {"pssmlt", "mmlt", "mlt"};
+  }
   std::erase_if(scenes, [](const CoverageScene& scene) { return !fs::exists(scene.file); });
   return scenes;
 }

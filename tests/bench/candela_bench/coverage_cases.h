@@ -16,8 +16,9 @@ namespace candela::bench {
 struct CoverageScene {
   std::string name;
   std::filesystem::path file;
-  // The method was chosen without a look at it.
+  // The method was chosen without a look at it, but for the integrators `looked_at`.
   bool held_out = false;
+  std::vector<std::string> looked_at = {};
   // Integrators whose expectation is the whole image, of merging ones in the limit of small radii.
   std::vector<std::string> integrators;
   // Every value of the image; 0: a reference is rendered.
@@ -26,6 +27,7 @@ struct CoverageScene {
   std::string reference = "bdpt";
   std::uint64_t reference_spp = 8192;
 };
+bool held_out(const CoverageScene& scene, const std::string& integrator);
 // Those whose files are there.
 std::vector<CoverageScene> coverage_scenes();
 
