@@ -42,6 +42,12 @@ class Status:
     def ended(self) -> bool:
         return self.state in ("done", "failed", "cancelled")
 
+    @property
+    def unseen_light(self) -> list[str]:
+        """Notes of the plan on light that the error may leave out, with an integrator that finds it."""
+        lines = self.message.plan.splitlines()
+        return [line.removeprefix("note ") for line in lines if line.startswith("note light ")]
+
 
 def status_of(message: Any) -> Status:
     def finite(value: float) -> Optional[float]:
