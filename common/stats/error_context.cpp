@@ -6,7 +6,8 @@ namespace candela::stats {
 
 ErrorContext context_of(const SettingsMap& settings, std::string_view plan) {
   constexpr double kAdaptive = 2.0 / 3;
-  constexpr double kWithConnections = 1.0 / 3, kOfPhotons = 2.2, kOfBalancedRadii = 1.4, kOfKeptRadii = 9;
+  constexpr double kOfPhotons = 2.2, kOfBalancedRadii = 1.4, kOfKeptRadii = 9;
+  constexpr double kWithConnections = 1.0 / 3, kConnectionsOfKeptRadii = 4.0 / 3;
   if (!settings.contains("radius")) return {};  // what merges has one
   const auto has = [&](std::string_view words) { return plan.find(words) != std::string_view::npos; };
   const bool all = has("use  everything");
@@ -19,12 +20,13 @@ ErrorContext context_of(const SettingsMap& settings, std::string_view plan) {
   ErrorContext context;
   context.connects = has("use  connections");
   context.alpha = context.connects ? alpha : (1 + alpha) / 2;
+  const bool kept = settings.contains("alpha_f") || settings.contains("alpha_chi");
   context.expected_bias = kOfPhotons;
   if (context.connects)
-    context.expected_bias = kWithConnections;
+    context.expected_bias = kept ? kConnectionsOfKeptRadii : kWithConnections;
   else if (settings.contains("r_max"))
     context.expected_bias = kOfBalancedRadii;
-  else if (settings.contains("alpha_f") || settings.contains("alpha_chi"))
+  else if (kept)
     context.expected_bias = kOfKeptRadii;
   return context;
 }

@@ -16,8 +16,8 @@ namespace candela::stats {
 //
 // Squared bias and noise of photons fall at one rate [Knaus 2011], so that a ratio of the order of one is
 // expected at any time: less if radii balance the two (appm), more if they stay until a test finds bias
-// (fppm, cppm); connections leave merging little light. The numbers were chosen with the parameters of
-// error_interval.cpp.
+// (fppm, cppm, vcmplus); connections leave merging little light. The numbers were chosen with the parameters
+// of error_interval.cpp.
 ErrorContext context_of(const SettingsMap& settings, std::string_view plan);
 
 }  // namespace candela::stats

@@ -22,7 +22,7 @@ constexpr double kTailOfBias = 0.15;
 constexpr double kBoth = 1.41421356;
 // Shares of the noise that the upper end adds for light that was found too rarely to be in the noise, and for
 // light that both groups of chains have found too often or too rarely alike.
-constexpr double kUnseen = 0.5, kUnseenByChains = 1;
+constexpr double kUnseen = 0.5, kUnseenByChains = 0.75;
 constexpr double kStandsOut = 0.5;  // standard errors
 // From so many iterations of each half on the movement has two groups, unless an older build merged them:
 // then the prior stands for the bias.
