@@ -457,7 +457,7 @@ TEST(ErrorContext, FollowsSettingsAndPlan) {
   EXPECT_TRUE(vcm.connects);
   EXPECT_EQ(vcm.expected_bias, 1.0 / 3);
   const SettingsMap kept{{"radius", "0"}, {"alpha_f", "0.05"}};
-  EXPECT_EQ(context_of(kept, "use  connections: x\nuse  merging on surfaces: y\n").expected_bias, 4.0 / 3);
+  EXPECT_EQ(context_of(kept, "use  connections: x\nuse  merging on surfaces: y\n").expected_bias, 1);
   const ErrorContext ppm = context_of({{"radius", "0"}, {"alpha", "0.5"}}, "use  photons on surfaces: x\n");
   EXPECT_EQ(ppm.alpha, 0.75);
   EXPECT_FALSE(ppm.connects);
