@@ -214,7 +214,8 @@ std::vector<CoverageScene> coverage_scenes() {
   };
   for (CoverageScene& scene : scenes) {
     if (scene.name == "furnace") scene.exact = 1;
-    if (scene.name == "veach-bidir") scene.looked_at = {"ppm", "bpm", "fppm", "cppm", "appm", "mcppm"};
+    if (scene.name == "veach-bidir")
+      scene.looked_at = {"ppm", "bpm", "fppm", "cppm", "appm", "mcppm", "vcmplus"};
     if (scene.name == "mirror-room") scene.looked_at = {"pssmlt", "mmlt", "mlt"};
   }
   std::erase_if(scenes, [](const CoverageScene& scene) { return !fs::exists(scene.file); });
