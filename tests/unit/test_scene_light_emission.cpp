@@ -255,7 +255,7 @@ TEST(Emission, DirectionsFollowTheirDensity) {
   }
 }
 
-// What next event estimation found, asked for as emission.
+// Light that next event estimation found, asked for as emission.
 TEST(Emission, DensitiesOfDirectSamplesAreThoseOfEmission) {
   std::uint64_t seed = 300;
   for (const LightCase& light : light_cases()) {

@@ -132,7 +132,7 @@ TEST(CameraImportance, RaysFollowTheirDensity) {
     Draws draws(++seed);
     const Frame frame = make_frame(kView);
     const bool parallel = sensor == kParallel;
-    // Of a cylinder's coordinates (angle, height) on the sphere, the cap around the view; of the plane, a
+    // For a cylinder's coordinates (angle, height) on the sphere, the cap around the view; of the plane, a
     // square.
     const double extent = parallel ? 5 : 0.6;
     const auto bin_of = [&](double a, double b) {
@@ -190,7 +190,7 @@ TEST(CameraImportance, RaysFollowTheirDensity) {
       }
     }
     EXPECT_NEAR(inside, 1, 3e-3) << sensor;  // the pdf integrates to one, to the quadrature's error
-    // What the quadrature leaves to its error is put where it belongs; its edge cells carry noise of their
+    // The quadrature's error is put where it belongs; its edge cells carry noise of their
     // own.
     for (double& e : expected) e /= inside;
     std::vector<double> rough_observed, rough_expected;
