@@ -109,7 +109,7 @@ TEST(CameraImportance, PdfFindsTheRayAgain) {
                     1, 1e-4f);
         float distance = 0;
         CameraDensity met;
-        ASSERT_TRUE(scene->intersect_camera({reference.p, seen.wi}, distance, met, 1e-3f));
+        ASSERT_TRUE(scene->meets_camera({reference.p, seen.wi}, nullptr, distance, met, 1e-3f));
         EXPECT_NEAR(met.film_x, seen.film_x, 1e-3f);
         EXPECT_NEAR(met.importance / seen.importance, 1, 1e-3f);
         EXPECT_NEAR(length(reference.p + seen.wi * distance - ray.origin), 0, 1e-4f);
@@ -293,7 +293,7 @@ TEST(CameraImportance, MeasuresWhatCameraRaysMeasure) {
       float distance = 0;
       CameraDensity met;
       value = 0;
-      if (scene->intersect_camera(spawn_ray(at, d), distance, met)) {
+      if (scene->meets_camera(spawn_ray(at, d), nullptr, distance, met)) {
         Ray to_lens = spawn_ray(at, d);
         to_lens.t_max = distance;
         if (!scene->occluded(to_lens)) {

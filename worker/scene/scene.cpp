@@ -382,10 +382,6 @@ bool Scene::pdf_camera(const CameraSample& sampled, Vec3 seen_from, CameraDensit
   return impl_->sensor.density(seen_from, -sampled.wi, film_border, out);
 }
 
-bool Scene::intersect_camera(const Ray& ray, float& distance, CameraDensity& out, float film_border) const {
-  return !impl_->meter && impl_->sensor.intersect(ray, film_border, distance, out);
-}
-
 bool Scene::meets_camera(const Ray& ray, const SurfaceHit* next, float& distance, CameraDensity& out,
                          float film_border) const {
   if (impl_->meter) [[unlikely]] {

@@ -134,11 +134,8 @@ class Scene {
   // The same of the ray from where sample_camera() put it to the point that it was seen from.
   bool pdf_camera(const CameraSample& sampled, Vec3 seen_from, CameraDensity& out,
                   float film_border = 0) const;
-  // A ray of light that meets a finite lens by itself: `distance` to the near plane. Whether a surface is in
-  // between is the caller's question. None of an irradiance meter.
-  bool intersect_camera(const Ray& ray, float& distance, CameraDensity& out, float film_border = 0) const;
-  // The same of a ray up to the surface that it meets next, if any. An irradiance meter is met at that
-  // surface.
+  // A ray of light that meets a finite lens by itself before the surface that it meets next, if any:
+  // `distance` to the near plane. An irradiance meter is met at that surface.
   bool meets_camera(const Ray& ray, const SurfaceHit* next, float& distance, CameraDensity& out,
                     float film_border = 0) const;
 
