@@ -89,6 +89,12 @@ class UpbpIntegrator final : public IterationIntegrator {
   const bool has_pilot_;
 };
 
+// The expected number of light paths of an iteration that leave beams.
+double beam_path_count(const MediumRules& rules, const UnitContext& context, std::uint64_t paths) {
+  return static_cast<double>(paths) /
+         static_cast<double>(upbp::beam_paths_of(rules, context, 0, paths).stride);
+}
+
 Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, const upbp::ExpectedHits& hits,
                                          const UnitContext& context, const Unit& unit, UnitOutput& output,
                                          const RunContext& run, upbp::Measured& measured) const {
@@ -130,8 +136,8 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
     trial.cost = measured.work.cost(density);
     trials.push_back(std::move(trial));
     const MediumRules& medium = variant.rules.medium;
-    const double more_beams = upbp::beam_path_count(medium, context, paths) /
-                              upbp::beam_path_count(medium, runs.context(), few_paths);
+    const double more_beams =
+        beam_path_count(medium, context, paths) / beam_path_count(medium, runs.context(), few_paths);
     memory.push_back(measured.memory.scaled(density / pilot::kReplicates, more_beams / pilot::kReplicates));
     hits.push_back(measured.hits.expected().scaled(density, more_beams));
     return {};
