@@ -1,4 +1,4 @@
-// The farm's knowledge of Markov chains: records, the bootstrap's table, b, and how their film is read.
+// What the farm knows of Markov chains: records, the bootstrap's table, b, and how their film is read.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -162,7 +162,7 @@ TEST(Bootstrap, StartsAreInProportion) {
     const double expected = kChains * static_cast<double>(values[i]) / sum;
     const double fraction = expected - std::floor(expected);
     EXPECT_NEAR(mean[i], expected, 5 * std::sqrt(fraction * (1 - fraction) / kSeeds) + 1e-9) << i;
-    // For a half: at most hypergeometric besides, whose variance is below expected; doubled, twice its root.
+    // Of a half: at most hypergeometric besides, whose variance is below expected; doubled, twice its root.
     EXPECT_NEAR(half[i], expected, 5 * 2 * std::sqrt((expected / 4 + fraction) / kSeeds) + 1e-9) << i;
   }
   BootstrapTable black(4);

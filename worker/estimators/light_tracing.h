@@ -77,8 +77,8 @@ class LightTracing {
     Spectrum value = found.weighted() * each_;
     if constexpr (kEdits) value *= edits_.share_at_eye();
     if (reads_letters())
-      splatter_.splat_labeled(letters_->letters(), letters_->met_lens(), film, value, rng::combine(key, 2),
-                              sample_counts_);
+      splatter_.splat_labelled(letters_->letters(), letters_->met_lens(), film, value, rng::combine(key, 2),
+                               sample_counts_);
     else
       splatter_.splat(0, film, value, rng::combine(key, 2), sample_counts_);
   }
@@ -108,10 +108,10 @@ class LightTracing {
       if constexpr (kEdits) {
         if (!v.on_surface()) value *= edits_.medium_share();
       }
-      const bool kept = reads_letters()
-                            ? splatter_.splat_labeled(letters_->letters(), letters_->connected(v, towards.wi),
-                                                      film, value, rng::combine(key, 3), sample_counts_)
-                            : splatter_.splat(0, film, value, rng::combine(key, 3), sample_counts_);
+      const bool kept =
+          reads_letters() ? splatter_.splat_labelled(letters_->letters(), letters_->connected(v, towards.wi),
+                                                     film, value, rng::combine(key, 3), sample_counts_)
+                          : splatter_.splat(0, film, value, rng::combine(key, 3), sample_counts_);
       if (kept && image_layer_ != 0)
         splatter_.splat(image_layer_, film, value, rng::combine(key, 3), sample_counts_);
     }

@@ -54,8 +54,8 @@ class Splatter {
   }
   // The same on the image, and on the layers of expressions by the labels of the value's path: each pixel's
   // share is rounded once.
-  bool splat_labeled(const PathLetters& letters, const ChannelLabels& labels, FilmPosition at, Spectrum value,
-                     std::uint64_t key, film::SampleCounts& sample_counts) const {
+  bool splat_labelled(const PathLetters& letters, const ChannelLabels& labels, FilmPosition at,
+                      Spectrum value, std::uint64_t key, film::SampleCounts& sample_counts) const {
     at = {at.x * to_pixels_.x, at.y * to_pixels_.y};
     value *= to_pixels_.x * to_pixels_.y;
     return for_each_pixel(at, [&](std::uint32_t x, std::uint32_t y, float f) {
@@ -63,7 +63,7 @@ class Splatter {
       const std::uint64_t own_key = pixel_key(key, x, y);
       if (!film_.splat(0, x, y, {share.r, share.g, share.b}, own_key, sample_counts, signed_)) return false;
       const auto units = film_.units({share.r, share.g, share.b}, film::dither_word(own_key));
-      transport::splat_labeled(letters, labels, units, film_, x, y);
+      transport::splat_labelled(letters, labels, units, film_, x, y);
       return true;
     });
   }

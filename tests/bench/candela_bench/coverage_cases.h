@@ -22,11 +22,11 @@ struct CoverageScene {
   std::vector<std::string> integrators;
   // Every value of the image; 0: a reference is rendered.
   double exact = 0;
-  // Integrator of the reference, and its samples a pixel.
+  // Of the reference, and its samples a pixel.
   std::string reference = "bdpt";
   std::uint64_t reference_spp = 8192;
 };
-// Cases whose files are there.
+// Those whose files are there.
 std::vector<CoverageScene> coverage_scenes();
 
 // The image after `spp` samples a pixel, with those before it.

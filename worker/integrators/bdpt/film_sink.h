@@ -46,7 +46,7 @@ class FilmSink {
              const transport::ChannelLabels* labels) {
     const Spectrum weighted = light.weighted() * each_;
     if (labels != nullptr)
-      splatter_.splat_labeled(*letters, *labels, at, weighted, key, sample_counts_);
+      splatter_.splat_labelled(*letters, *labels, at, weighted, key, sample_counts_);
     else
       splatter_.splat(0, at, weighted, key, sample_counts_);
     if (!layers_.any()) return;

@@ -74,9 +74,9 @@ void LayerUnits::write(film::UnitFilm& film, std::uint32_t x, std::uint32_t y, s
   wrapped_ = false;
 }
 
-void splat_labeled(const PathLetters& letters, const ChannelLabels& labels,
-                   const std::array<std::int64_t, kColors>& units, film::UnitFilm& film, std::uint32_t x,
-                   std::uint32_t y) {
+void splat_labelled(const PathLetters& letters, const ChannelLabels& labels,
+                    const std::array<std::int64_t, kColors>& units, film::UnitFilm& film, std::uint32_t x,
+                    std::uint32_t y) {
   std::array<std::uint64_t, kColors> bits;
   std::uint64_t all = 0;
   for (std::size_t c = 0; c < kColors; ++c) all |= bits[c] = letters.layer_bits(labels.of[c]);

@@ -65,9 +65,9 @@ class LayerUnits {
 };
 
 // Adds units of one contribution to a pixel of the film, in the layers of its labels.
-void splat_labeled(const PathLetters& letters, const ChannelLabels& labels,
-                   const std::array<std::int64_t, kColors>& units, film::UnitFilm& film, std::uint32_t x,
-                   std::uint32_t y);
+void splat_labelled(const PathLetters& letters, const ChannelLabels& labels,
+                    const std::array<std::int64_t, kColors>& units, film::UnitFilm& film, std::uint32_t x,
+                    std::uint32_t y);
 
 class LayerSums {
  public:
