@@ -1,5 +1,5 @@
 # shellcheck shell=bash
-# What deploy/quickstart and deploy/check share. To be sourced by bash, from the top of the checkout.
+# Shared by deploy/quickstart and deploy/check. To be sourced by bash, from the top of the checkout.
 
 say() { printf '==> %s\n' "$*"; }
 fail() {

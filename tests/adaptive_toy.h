@@ -53,7 +53,7 @@ struct ToyCase {
     return 0;
   }
   double truth() const { return irradiance(0, 0); }
-  // Of photons, relative to kDensity.
+  // Density of photons, relative to kDensity.
   double density(double x, double y) const {
     return carrier == ToyCarrier::density ? irradiance(x, y) : carrier == ToyCarrier::anti ? 1 + 1.6 * x : 1;
   }
@@ -65,7 +65,7 @@ struct ToyCase {
   double mean_contribution(double x, double y) const { return irradiance(x, y) / (kDensity * density(x, y)); }
 };
 
-// What the plan of work of an integrator would say, for tests at level alpha.
+// As the plan of work of an integrator would say, for tests at level alpha.
 struct ToyPlan {
   EpochPlan epochs;
   std::vector<film::AccumulatorSpec> accumulators;

@@ -46,12 +46,12 @@ class EpochRun {
   const std::optional<EpochPlan>& plan() const { return plan_; }
   // The accumulators of a job's deltas.
   const std::vector<film::AccumulatorSpec>& accumulators() const { return accumulators_; }
-  // Of epochs 0, 1, ..., as far as they are decided.
+  // States of epochs 0, 1, ..., as far as they are decided.
   const std::deque<std::string>& states() const { return states_; }
   const Carry& carry() const { return carry_; }
-  // Of epochs that no decision has folded, in order: sums by place as in Carry::sums. Valid until add().
+  // Sums of epochs that no decision has folded, in order, sums by place as in Carry::sums. Valid until add().
   std::vector<std::vector<const film::MergedAccumulator*>> open_sums() const;
-  // What the rule tells of the last state; empty if there is none, or nothing to tell.
+  // Note of the rule on the last state; empty if there is none, or nothing to tell.
   Result<StateReport> describe(bool with_layers) const;
 
   // All of the above as bytes, for a run that goes on in another process.

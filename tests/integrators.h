@@ -37,8 +37,8 @@ struct IntegratorRow {
   // and that a film depends on nothing else is ExactnessOf's for each integrator.
   bool stands_for_kind = false;
   std::vector<std::string> unit_times = {};  // seconds of the units of which a farm makes the picture
-  // How often a job's master dies, 20: its workers die, sleep and leave too. 0: all of that is left to the
-  // long form.
+  // Number of deaths of a job's master, 20: its workers die, sleep and leave too. 0: all of that is left to
+  // the long form.
   int deaths = 0;
   // Iterations of a job of the soak, some seconds of work; 0: the soak, long or short, does without it.
   std::uint64_t soak_iterations = 0;

@@ -1,4 +1,4 @@
-// Where the files of the tests are. Only paths.cpp knows the folders of the checkout and of its build, so
+// Places of the files of the tests. Only paths.cpp knows the folders of the checkout and of its build, so
 // that the objects of all other tests are the same in every clone and ccache finds them.
 #pragma once
 

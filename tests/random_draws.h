@@ -27,7 +27,7 @@ class Draws {
     has_normal_ = true;
     return radius * std::cos(angle);
   }
-  // Of mean 1; sigma 0 is the constant 1.
+  // Has mean 1; sigma 0 is the constant 1.
   double lognormal(double sigma) { return sigma > 0 ? std::exp(sigma * normal() - sigma * sigma / 2) : 1.0; }
   std::uint64_t poisson(double mean) {
     std::uint64_t count = 0;

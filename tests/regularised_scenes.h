@@ -38,7 +38,7 @@ inline std::string camera(Vec3d from, Vec3d direction, double fov, double near_c
 inline Vec3d mirrored(Vec3d p, Vec3d q, Vec3d n) {
   return p - n * (2 * dot(p - q, n));
 }
-// Where the ray from o along d meets the plane through p.
+// Point where the ray from o along d meets the plane through p.
 inline Vec3d on_plane(Vec3d o, Vec3d d, Vec3d p, Vec3d n) {
   return o + d * (dot(p - o, n) / dot(d, n));
 }

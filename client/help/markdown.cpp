@@ -43,7 +43,8 @@ std::string list(const std::string& rows) {
   return rows.empty() ? "" : "\n" + rows;
 }
 
-// Rows that several commands have stand once, before the commands: of each option the row that most have.
+// Rows that several commands have stand once, before the commands: of each option the row that most have. A
+// command's usage names its arguments without dashes.
 class SharedRows {
  public:
   explicit SharedRows(std::span<const CommandEntry> commands) {
@@ -56,24 +57,32 @@ class SharedRows {
         if (!option.positional())
           most[option.names.back()] = std::max(most[option.names.back()], counts[row(option)]);
     std::set<std::string> named;
+    std::string of_options;
     for (const CommandEntry& command : commands)
-      for (const OptionEntry& option : command.options)
-        if (const std::string text = row(option);
-            !option.positional() && counts[text] >= 2 && counts[text] == most[option.names.back()] &&
-            named.insert(option.names.back()).second && shared_.emplace(text, names_.size()).second) {
+      for (const OptionEntry& option : command.options) {
+        const std::string text = row(option);
+        if (counts[text] < 2) continue;
+        if (option.positional()) {
+          if (arguments_.insert(text).second) rows_ += text;
+        } else if (counts[text] == most[option.names.back()] && named.insert(option.names.back()).second &&
+                   shared_.emplace(text, names_.size()).second) {
           names_.push_back(option.names.back());
-          rows_ += text;
+          of_options += text;
         }
+      }
+    rows_ += of_options;
   }
 
-  bool has(const OptionEntry& option) const { return shared_.contains(row(option)); }
+  bool has(const OptionEntry& option) const {
+    return option.positional() ? arguments_.contains(row(option)) : shared_.contains(row(option));
+  }
   const std::string& rows() const { return rows_; }
 
   // The names of a command's shared options. Three or more that follow each other in the list are a range.
   std::string names_of(const CommandEntry& command) const {
     std::set<std::size_t> places;
     for (const OptionEntry& option : command.options)
-      if (has(option)) places.insert(shared_.at(row(option)));
+      if (!option.positional() && has(option)) places.insert(shared_.at(row(option)));
     std::string result;
     for (auto first = places.begin(); first != places.end();) {
       auto last = first;
@@ -88,6 +97,7 @@ class SharedRows {
   }
 
  private:
+  std::set<std::string> arguments_;            // rows
   std::map<std::string, std::size_t> shared_;  // place in the list by row
   std::vector<std::string> names_;             // in the list's order
   std::string rows_;
@@ -99,8 +109,8 @@ std::string help_markdown(std::span<const CommandEntry> commands) {
   const SharedRows shared(commands);
   std::string page(kIntroduction);
   page +=
-      "\n## Options of several commands\n\nEach command names the options that it has: `A` to `B` are all "
-      "from `A` to `B` in this list.\n" +
+      "\n## Options of several commands\n\nEach command names its own after *also*: `A` to `B` are all from "
+      "`A` to `B` in this list.\n" +
       list(shared.rows());
   for (const CommandEntry& command : commands) {
     page += fmt::format("\n## candela {}\n\n{}.\n\n    {} [OPTIONS]\n", command.name, command.text,
@@ -110,7 +120,7 @@ std::string help_markdown(std::span<const CommandEntry> commands) {
       if (!shared.has(option)) own += row(option);
     page += list(own);
     if (const std::string also = shared.names_of(command); !also.empty())
-      page += fmt::format("\nAlso, as above: {}.\n", also);
+      page += fmt::format("\n*Also*: {}.\n", also);
     if (command.examples.empty()) continue;
     page += command.examples.size() > 1 ? "\nExamples:\n\n" : "\nExample:\n\n";
     for (const std::string& example : command.examples) page += "    " + example + "\n";

@@ -387,7 +387,7 @@ Result<void> check_focal_length(const Object& object) {
   if (!length || !(*length > 0))
     return error_at(focal->where,
                     fmt::format("{} is not a focal length", text::quote(std::get<std::string>(focal->value))))
-        .with_mend("write millimetres, such as '50mm'");
+        .with_mend("write millimeters, such as '50mm'");
   return {};
 }
 

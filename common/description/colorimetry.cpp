@@ -184,11 +184,11 @@ double planck(double wavelength, double temperature) {
   constexpr double c = 2.99792458e8;
   constexpr double h = 6.62607004e-34;
   constexpr double k = 1.38064852e-23;
-  const double metres = wavelength * 1e-9;
-  const double exponent = h * c / (k * metres * temperature);
+  const double meters = wavelength * 1e-9;
+  const double exponent = h * c / (k * meters * temperature);
   if (!(exponent < 700)) return 0;  // below 1e-300 of the classical value
-  const double square = metres * metres;
-  return 1e-9 * 2 * h * c * c / (square * square * metres * exp_minus_one(exponent));
+  const double square = meters * meters;
+  return 1e-9 * 2 * h * c * c / (square * square * meters * exp_minus_one(exponent));
 }
 
 Vec3 blackbody_xyz(double temperature, double from, double to) {

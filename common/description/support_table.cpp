@@ -20,24 +20,23 @@ constexpr std::string_view introduction = R"(# Plugins
 
 The plugins and parameters of [Mitsuba scenes](scenes.md) that Candela knows. `candela check SCENE` prints what this page
 says of a scene's own. *Ignored* parameters are accepted because scenes have them, and change nothing in the picture.
-*Differs*: the picture is not Mitsuba's.
+*Differs*: the picture is not Mitsuba's. `(0,1]` is the range above 0 and up to 1.
 )";
 
 std::string types_of(const PropertyRule& rule) {
   std::string result;
   for (const PropertyType type : rule.types)
-    result += fmt::format("{}{}", result.empty() ? "" : ", ", name(type));
+    result += fmt::format("{}{}", result.empty() ? "" : "/", name(type));
   if (!rule.textured) return result;
-  return result.empty() ? "texture" : result + ", texture";
+  return result.empty() ? "texture" : result + "/texture";
 }
 
 std::string bounds_of(const PropertyRule& rule) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
   if (rule.minimum > -infinity && rule.maximum < infinity)
-    return fmt::format("in {}{}, {}]", rule.above_minimum ? '(' : '[', rule.minimum, rule.maximum);
-  if (rule.minimum > -infinity)
-    return fmt::format("{} {}", rule.above_minimum ? "above" : "at least", rule.minimum);
-  return rule.maximum < infinity ? fmt::format("at most {}", rule.maximum) : "";
+    return fmt::format("{}{},{}]", rule.above_minimum ? '(' : '[', rule.minimum, rule.maximum);
+  if (rule.minimum > -infinity) return fmt::format("{}{}", rule.above_minimum ? ">" : "≥", rule.minimum);
+  return rule.maximum < infinity ? fmt::format("≤{}", rule.maximum) : "";
 }
 
 // The text of a rule, without the parameter's name. An ignored parameter has no type in it.

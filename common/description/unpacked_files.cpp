@@ -82,13 +82,6 @@ Error too_large(const std::string& key, std::size_t max_bytes) {
 
 }  // namespace
 
-Result<std::string> unpack_gzip(std::string_view bytes, const std::string& key, std::size_t max_bytes) {
-  Charge charge;
-  CANDELA_ASSIGN(std::string content, unpack(bytes, key, max_bytes, charge));
-  if (content.size() > max_bytes) return too_large(key, max_bytes);
-  return content;
-}
-
 Result<UnpackedFiles::Content> UnpackedFiles::unpack(const Bytes& packed, const std::string& key,
                                                      std::size_t max_bytes) const {
   Charge charge(budget());

@@ -37,7 +37,4 @@ class UnpackedFiles final : public FileSource {
   mutable std::map<std::string, Bytes> unpacked_ CANDELA_GUARDED_BY(mutex_);
 };
 
-// The content of a gzip file, at most `max_bytes`. `key` is for errors.
-Result<std::string> unpack_gzip(std::string_view bytes, const std::string& key, std::size_t max_bytes);
-
 }  // namespace candela::description

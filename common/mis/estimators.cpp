@@ -10,12 +10,6 @@ namespace {
 
 constexpr double kMinPivot = 1e-10;  // of the number of batches, without a ridge
 
-Sums total(std::span<const Sums> parts) {
-  Sums all;
-  for (const Sums& part : parts) all.add(part);
-  return all;
-}
-
 // C_ij = s_i s_j (S_A,ij - S_r,i S_r,j / W), d_i = s_i (S_b,i - S_r,i S_F / W), s_i = sqrt(n_i):
 // the second moments of the controls about their mean. W comes from S_A, so that rounding leaves the null
 // vector s where it is. Centering takes the intercept out of the ridge.
@@ -85,11 +79,6 @@ Slopes ridge_slopes(const Allocation& allocation, const Sums& sums, int scale_lo
   return solve(allocation, sums, ridge(allocation, sums.samples(allocation), scale_log2));
 }
 
-Color direct(const Allocation& allocation, std::span<const Sums> parts, int scale_log2) {
-  const Sums all = total(parts);
-  return correction(allocation, all, direct_slopes(allocation, all, scale_log2));
-}
-
 std::array<Color, 2> direct_halves(const Allocation& allocation, const Sums& half0, const Sums& half1,
                                    int scale_log2) {
   Sums all = half0;
@@ -98,27 +87,10 @@ std::array<Color, 2> direct_halves(const Allocation& allocation, const Sums& hal
   return {correction(allocation, half0, slopes), correction(allocation, half1, slopes)};
 }
 
-Color progressive(const Allocation& allocation, std::span<const Sums> epochs, int scale_log2) {
-  Color out{};
-  Sums before;
-  for (const Sums& epoch : epochs) {
-    const Color part = correction(allocation, epoch, ridge_slopes(allocation, before, scale_log2));
-    for (std::size_t k = 0; k < kColors; ++k) out[k] += part[k];
-    before.add(epoch);
-  }
-  return out;
-}
-
 std::array<Color, 2> crossfit_halves(const Allocation& allocation, const Sums& half0, const Sums& half1,
                                      int scale_log2) {
   const auto slopes_of = [&](const Sums& half) { return ridge_slopes(allocation, half, scale_log2); };
   return {correction(allocation, half0, slopes_of(half1)), correction(allocation, half1, slopes_of(half0))};
-}
-
-Color crossfit(const Allocation& allocation, const Sums& half0, const Sums& half1, int scale_log2) {
-  std::array<Color, 2> parts = crossfit_halves(allocation, half0, half1, scale_log2);
-  for (std::size_t k = 0; k < kColors; ++k) parts[0][k] += parts[1][k];
-  return parts[0];
 }
 
 }  // namespace candela::mis

@@ -39,16 +39,11 @@ double ridge(const Allocation& allocation, double samples, int scale_log2, doubl
 // The slopes of sums that were rounded so, with that ridge; zero without samples.
 Slopes ridge_slopes(const Allocation& allocation, const Sums& sums, int scale_log2);
 
-// Corrections to the sum of the balance heuristic's estimates over all the sums given; zero while there is no
-// second batch. `scale_log2` is S_A's.
-// The estimates from each of two halves, which add up to the estimate from both.
+// Corrections to the sum of the balance heuristic's estimates from each of two halves, which add up to the
+// estimate from both; zero while there is no second batch. `scale_log2` is S_A's.
 std::array<Color, 2> crossfit_halves(const Allocation& allocation, const Sums& half0, const Sums& half1,
                                      int scale_log2);
 std::array<Color, 2> direct_halves(const Allocation& allocation, const Sums& half0, const Sums& half1,
                                    int scale_log2);
-// The estimates from all parts together.
-Color crossfit(const Allocation& allocation, const Sums& half0, const Sums& half1, int scale_log2);
-Color direct(const Allocation& allocation, std::span<const Sums> parts, int scale_log2);
-Color progressive(const Allocation& allocation, std::span<const Sums> epochs, int scale_log2);
 
 }  // namespace candela::mis

@@ -175,8 +175,6 @@ class Scheduler {
   void lack_memory(const std::string& id, const std::string& text, Now now);
   // Some job waits for memory.
   bool short_of_memory() const { return short_of_memory_; }
-  // Bytes of admitted jobs, with the largest working memory of one.
-  MemoryNeed memory_taken() const;
 
   // The removal of an ended job, in three steps. withdraw(): it leaves jobs(), and nothing changes it any
   // more; false: it has not ended, or not at this moment. forget(): the store drops it, an event says `text`.

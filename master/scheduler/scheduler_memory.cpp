@@ -49,13 +49,6 @@ MemoryNeed need_of(const JobRow& row, const WorkPlan& work, std::size_t record_b
   return need;
 }
 
-MemoryNeed Scheduler::memory_taken() const {
-  MemoryNeed taken;
-  for (const auto& [id, job] : jobs_)
-    if (job.admitted) add(taken, job.need);
-  return taken;
-}
-
 void Scheduler::ask_for_memory(Job& job, std::size_t record_bytes) {
   if (!job.planned()) return;
   job.need = need_of(job.row, record_bytes);

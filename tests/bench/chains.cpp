@@ -28,7 +28,7 @@ namespace {
 using namespace candela;
 using namespace candela::statistical;
 
-// What a worker pushes of a unit: the film's delta and the chains' records behind it.
+// A worker pushes this of a unit: the film's delta and the chains' records behind it.
 struct Pushed {
   std::uint64_t segments = 0;
   std::size_t delta_bytes = 0, record_bytes = 0;

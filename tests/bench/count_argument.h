@@ -20,7 +20,7 @@ inline std::uint64_t count_argument(std::string_view name, const char* text, dou
                name.data(), text, least, most);
   std::exit(2);
 }
-// Of argv[i], if there is one.
+// Reads argv[i], if there is one.
 inline std::uint64_t count_argument(std::string_view name, int argc, char** argv, int i,
                                     std::uint64_t otherwise, double most) {
   return argc > i ? count_argument(name, argv[i], 1, most) : otherwise;

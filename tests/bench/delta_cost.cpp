@@ -1,4 +1,4 @@
-// What one delta costs: bytes on the wire, CPU time of the worker to encode it, CPU time of the master to
+// Costs of one delta: bytes on the wire, CPU time of the worker to encode it, CPU time of the master to
 // verify, decode and merge it, for a film of a real scene.
 //
 //   bench_delta_cost SCENE.xml [WIDTH HEIGHT [ITERATIONS...]]        default 1920 1080 1 4 16

@@ -35,7 +35,7 @@ MEDIUM = """<bsdf type="null"/>
     <medium type="homogeneous" name="interior">
       <float name="sigma_t" value="5"/><rgb name="albedo" value="0.8, 0.8, 0.8"/>
     </medium>"""
-# What the hidden ball is made of.
+# Material of the hidden ball.
 OUT_OF_SIGHT = {
     "textures": '<bsdf type="diffuse">' + CHECKS.format(name="reflectance", value="0.2, 0.2, 0.2", other="0.6, 0.6, 0.6") + "</bsdf>",
     "bump maps": '<bsdf type="bumpmap">' + CHECKS.format(name="texture", value="0, 0, 0", other="0.1, 0.1, 0.1") + DIFFUSE + "</bsdf>",

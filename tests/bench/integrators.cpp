@@ -267,7 +267,7 @@ std::vector<float> reference_half(const fs::path& file, const fs::path& scene, c
   return image;
 }
 
-// What the reference is rendered with.
+// Integrator of the reference.
 std::string reference_integrator(const std::string& scene) {
   // Light from points and suns that reaches the eye over glass, matt, glass is found by merging alone.
   const std::string integrator = scene == "point" || scene == "sun" ? "vcm" : "bdpt";

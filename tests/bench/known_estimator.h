@@ -1,4 +1,4 @@
-// What the tests of the instrument share: an estimator whose error is known, and a folder to write to.
+// Shared by the tests of the instrument: an estimator whose error is known, and a folder to write to.
 #pragma once
 
 #include <cmath>

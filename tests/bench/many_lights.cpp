@@ -19,6 +19,7 @@
 #include "common/rng/stream.h"
 #include "tests/bench/count_argument.h"
 #include "tests/unit/scene_fixture.h"
+#include "worker/scene/emitters/lights.h"
 
 namespace {
 
@@ -74,7 +75,8 @@ struct Film {
 };
 
 // Adds `samples` to each pixel: one eye ray, one lamp each.
-void render(const scene::Scene& scene, int samples, std::uint64_t seed, Film& film) {
+void render(const scene::Scene& scene, scene::LightTechnique technique, int samples, std::uint64_t seed,
+            Film& film) {
   rng::Stream stream(rng::key(2, seed));
   for (int y = 0; y < film.size; ++y) {
     for (int x = 0; x < film.size; ++x) {
@@ -88,7 +90,8 @@ void render(const scene::Scene& scene, int samples, std::uint64_t seed, Film& fi
         if (!scene.intersect(ray, hit)) continue;
         const Vec3 front = dot(hit.ng, ray.direction) > 0 ? -hit.ng : hit.ng;
         scene::DirectSample light;
-        if (scene.sample_direct(hit, front, choice, {u, v}, light) != scene::DirectOutcome::sampled ||
+        if (scene.lights().sample(hit, front, choice, {u, v}, light, technique) !=
+                scene::DirectOutcome::sampled ||
             scene.occluded(light.shadow_ray))
           continue;
         sum += static_cast<double>(light.radiance.g * dot(front, light.wi) / light.pdf_solid_angle);
@@ -138,31 +141,28 @@ int main(int argc, char** argv) {
       "<sensor type=\"perspective\"><transform name=\"to_world\"><lookat origin=\"0,-70,30\" "
       "target=\"0,0,0\" up=\"0,0,1\"/></transform><float name=\"fov\" value=\"50\"/></sensor>";
   const std::string body = lamps(count);
-  std::unique_ptr<scene::Scene> scenes[2];
-  for (const bool by_power : {false, true}) {
-    scene::Scene::Options options;
-    options.film_width = options.film_height = static_cast<std::uint32_t>(size);
-    options.choose_emitters_by_power = by_power;
-    const double begin = cpu_seconds();
-    auto built = test::build_scene(body, {}, sensor, options);
-    if (!built.ok()) {
-      std::fprintf(stderr, "%s\n", built.error().to_string().c_str());
-      return 2;
-    }
-    std::printf("%s: %d lamps loaded in %.2f CPU s, peak memory so far %ld MiB\n",
-                by_power ? "power" : "tree", count, cpu_seconds() - begin, peak_kib() / 1024);
-    scenes[by_power ? 1 : 0] = std::move(*built);
+  scene::Scene::Options options;
+  options.film_width = options.film_height = static_cast<std::uint32_t>(size);
+  const double loading = cpu_seconds();
+  const auto built = test::build_scene(body, {}, sensor, options);
+  if (!built.ok()) {
+    std::fprintf(stderr, "%s\n", built.error().to_string().c_str());
+    return 2;
   }
+  const scene::Scene& scene = **built;
+  std::printf("%d lamps loaded in %.2f CPU s, peak memory so far %ld MiB\n", count, cpu_seconds() - loading,
+              peak_kib() / 1024);
   const std::size_t pixels = static_cast<std::size_t>(size) * static_cast<std::size_t>(size);
   if (reference_samples == 0) return 0;  // loading alone
   Film reference{size, std::vector<double>(pixels), 0};
-  render(*scenes[0], reference_samples, 1000, reference);
+  render(scene, scene::LightTechnique::adapted, reference_samples, 1000, reference);
   std::vector<double> efficiencies[2];
   for (int round = 0; round < rounds; ++round) {
-    for (int which = 0; which < 2; ++which) {
+    for (const int which : {0, 1}) {
       Film film{size, std::vector<double>(pixels), 0};
       const double begin = cpu_seconds();
-      render(*scenes[which], samples, static_cast<std::uint64_t>(round + 1), film);
+      render(scene, which == 0 ? scene::LightTechnique::adapted : scene::LightTechnique::power, samples,
+             static_cast<std::uint64_t>(round + 1), film);
       const double seconds = cpu_seconds() - begin, error = relmse(film, reference);
       efficiencies[which].push_back(error * seconds);
       std::printf("%-5s %.2f CPU s, %.3f M samples/s, relMSE %.4e, relMSE x CPU s %.4e\n",

@@ -79,7 +79,7 @@ Vec3 on_surface(rng::Stream& stream) {
                                     static_cast<float>(r * std::sin(phi)), static_cast<float>(z));
 }
 
-// What a camera at (1/2, -1.2, 1/2) sees through the open side y = 0.
+// View of a camera at (1/2, -1.2, 1/2) through the open side y = 0.
 std::vector<Vec3> pixels(std::size_t side) {
   std::vector<Vec3> result;
   const Vec3 eye{0.5f, -1.2f, 0.5f};

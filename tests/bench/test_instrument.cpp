@@ -116,7 +116,7 @@ TEST(Instrument, AFailureIsOneRunsOwn) {
   EXPECT_EQ(results[1].rows.size(), 4U);
 }
 
-// What does not depend on the clock.
+// Columns that do not depend on the clock.
 std::vector<std::vector<double>> figures_of(const std::vector<RunResult>& results) {
   std::vector<std::vector<double>> all;
   for (const RunResult& result : results)
@@ -141,7 +141,7 @@ TEST(Instrument, GoesOnWhereRowsAreMissing) {
   const auto rest = run_all(runs, iterations(64), known(0.3, 0.01), flat_reference(0), &store);
   EXPECT_EQ(figures_of(rest), figures_of(whole));
 
-  // What is finished is not started again: a factory that fails is not even asked.
+  // A finished run is not started again: a factory that fails is not even asked.
   const EstimatorFactory none = [](const RunSpec&) -> Result<std::unique_ptr<Estimator>> {
     return failed_error("asked");
   };

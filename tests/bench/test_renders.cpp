@@ -1,4 +1,4 @@
-// What the instrument is made of: lists, rendering in processes, references, figures. Statistical tests state
+// Parts of the instrument: lists, rendering in processes, references, figures. Statistical tests state
 // their false-alarm rate; seeds are fixed.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -149,7 +149,7 @@ TEST(Lists, NamesThatFilesCannotTellApart) {
   EXPECT_EQ(file_name_of("../a-b \xc3\xa9"), ".._a-b___");
 }
 
-// What is wrong with a reference is said before anything is rendered.
+// Mistakes of a reference are said before anything is rendered.
 TEST(Lists, ReferencesAreReadAtOnce) {
   const test::TemporaryFolder folder;
   RunOptions options = small_list(folder.path());
@@ -236,7 +236,7 @@ TEST(Rendering, SlicesAndProcessesChangeNoBit) {
     EXPECT_GT(cost->cpu_seconds, 0);
     EXPECT_GT(cost->delta_bytes, 0U);
     EXPECT_GT(cost->peak_memory_bytes, 1U << 20);
-    // Of another run: refused.
+    // From another run: refused.
     RunSpec other = run;
     other.job.width = 16;
     auto fourth = make_process_estimator(test::program_path("candela-bench"), other);

@@ -45,7 +45,7 @@ class Fits(unittest.TestCase):
         for freedom, quantile in ((1, 12.7062), (2, 4.30265), (7, 2.36462), (30, 2.04227)):
             self.assertAlmostEqual(fits.student_quantile(0.95, freedom), quantile, places=4)
 
-    # Of 300 intervals of 95 %, all but 3 standard deviations of the count (3.8 each) hold the truth: the chance
+    # Among 300 intervals of 95 %, all but 3 standard deviations of the count (3.8 each) hold the truth: the chance
     # that fewer than 270 do is below 2e-4, and that all 300 do 2e-7: an interval that is too wide is wrong too.
     def covered(self, interval_of, truth):
         generator = np.random.default_rng(1)

@@ -43,7 +43,7 @@ double nanoseconds(const std::vector<Vec2>& uvs, const auto& eval) {
   return time / static_cast<double>(uvs.size());
 }
 
-// What tiles are measured against: texels in rows, four bytes each, the arithmetic of Bitmap.
+// Tiles are measured against this: texels in rows, four bytes each, the arithmetic of Bitmap.
 struct Rows {
   std::uint32_t width, height;
   std::vector<std::uint8_t> bytes;

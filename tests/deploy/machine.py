@@ -17,7 +17,7 @@ SCENE = SOURCE / "deploy/scenes/cornell/scene.xml"
 STAY = re.compile(r"candela-(master(?! backup)|worker) ")  # commands that do not end by themselves
 
 SYSTEMCTL = """#!/bin/bash
-# What systemd does for units: the user, the environment that it promises, ExecStart, and the signals of the units.
+# The part of systemd that units need: the user, the environment that it promises, ExecStart, and the signals of the units.
 set -euo pipefail
 unit_file() {
   local name="${1%%@*}" folder
@@ -78,7 +78,7 @@ case "$command" in
   *) echo "systemctl $command: unknown here" >&2; exit 1 ;;
 esac
 """
-# Of apt what installs a file, which dpkg does; nothing is fetched.
+# apt installs a file by dpkg; nothing is fetched.
 APT = """#!/bin/bash
 set -euo pipefail
 case "$1" in

@@ -126,7 +126,7 @@ class Doors:
     def state(self, job):
         return json.loads(self.candela("show", job, "--json", master=self.address))["state"]
 
-    # What a farm really says.
+    # Answers of a real farm.
 
     def record(self):
         recorder = Recorder(self.channel, self.calls)

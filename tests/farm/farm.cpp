@@ -49,8 +49,8 @@ std::string state_of(const fs::path& file) {
                      fs::last_write_time(file).time_since_epoch().count());
 }
 
-// Where tests keep the image that this build of the program makes of the scene with these settings: many
-// tests, each a process, compare with the same one. Its name has all that decides it.
+// Place where tests keep the image that this build of the program makes of the scene with these settings:
+// many tests, each a process, compare with the same one. Its name has all that decides it.
 fs::path shared_reference(const fs::path& scene, const std::vector<std::string>& settings) {
   std::vector<std::string> parts = {state_of(program("candela")), scene.string(), joined(settings)};
   for (const auto& entry : fs::recursive_directory_iterator(scene.parent_path()))

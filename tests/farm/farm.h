@@ -77,11 +77,11 @@ class Farm {
   Process& start_worker(const std::string& name, unsigned threads = 1, std::vector<std::string> options = {});
   void forget_worker(const Process& worker);  // SIGKILL, if it lives
   std::map<std::string, std::string> environment() const;
-  // Of every process that is started from now on.
+  // For every process that is started from now on.
   void add_environment(const std::string& name, const std::string& value) { more_environment_[name] = value; }
   // Arguments that every client command needs to reach the master (TLS, say).
   void set_client_options(std::vector<std::string> options) { client_options_ = std::move(options); }
-  // Of the tests' own calls.
+  // For the tests' own calls.
   void set_credentials(std::shared_ptr<grpc::ChannelCredentials> credentials) {
     credentials_ = std::move(credentials);
   }

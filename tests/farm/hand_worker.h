@@ -15,7 +15,7 @@
 
 namespace candela::farm {
 
-// What a push sends; delta_for() makes an honest one.
+// Content of a push; delta_for() makes an honest one.
 struct Push {
   v1::DeltaHeader header;
   std::string bytes;

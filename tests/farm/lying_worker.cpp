@@ -20,7 +20,7 @@ namespace {
 
 class Fault {
  public:
-  // Of this unit's sums; a unit without a film, or with an empty one, is left alone.
+  // Spoils this unit's sums; a unit without a film, or with an empty one, is left alone.
   void strike(const Unit& unit, UnitOutput& output) {
     if (output.film == nullptr) return;
     const std::lock_guard lock(mutex_);

@@ -1,4 +1,4 @@
-// What a master tells over HTTP.
+// Figures that a master tells over HTTP.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// What the master does with deltas that come twice, late, broken, or from strangers, and with pushes that
+// The master's treatment of deltas that come twice, late, broken, or from strangers, and with pushes that
 // hang. All are sent by a worker in the test's hands to a master of this process; honest workers then finish
 // the job, and the image must be what it always is.
 #include <gmock/gmock.h>

@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What a client or worker of another user has: no token, and no way to the master's.
+// A client or worker of another user has this: no token, and no way to the master's.
 std::map<std::string, std::string> environment_of(const Farm& farm, const fs::path& home) {
   auto all = farm.environment();
   all.erase("CANDELA_TOKEN_FILE");

@@ -169,7 +169,7 @@ class Soak : public SoakFarm {
     limit.rlim_cur = limit.rlim_max;
     return ::prlimit(farm_.master().pid(), RLIMIT_FSIZE, &limit, nullptr) == 0;
   }
-  // Of all processes of the farm; not of this one, nor of clocks that never jump.
+  // For all processes of the farm; not for this one, nor of clocks that never jump.
   bool jump_the_clock() {
     static constexpr std::int64_t kSeconds[] = {-86400 * 400, -3600, -5, 0, 5, 3600, 86400 * 400};
     const std::int64_t seconds = kSeconds[pick(std::size(kSeconds))];

@@ -42,7 +42,7 @@ TEST_F(Steering, PauseAndResume) {
   farm_.wait_for_iterations(id_, 1);
   tell({"pause", id_}, true);
   ASSERT_EQ(shown_state(), "paused");
-  // What was out when it was paused may still come in.
+  // Units that were out when it was paused may still come in.
   ASSERT_TRUE(eventually(20, [&] { return farm_.job(id_).units_leased() == 0; }));
   const std::uint64_t paused_at = farm_.job(id_).iterations();
   ASSERT_LT(paused_at, iterations) << "the job ended before it was paused: make it longer";

@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 constexpr std::uint32_t kWidth = 48, kHeight = 32;
 
-// How a film is rendered, beside its scene and its integrator's settings.
+// Settings of a film's render, beside its scene and its integrator's settings.
 struct RenderPlan {
   std::uint64_t iterations = 4;
   std::uint64_t rounds = 2;

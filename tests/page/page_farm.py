@@ -137,7 +137,7 @@ class PageTest(unittest.TestCase):
         if SHOTS:
             tab.screenshot(Path(SHOTS) / f"{name}.png")
 
-    # What is on the canvas, as a number that changes with it; 0 while it is empty.
+    # The canvas as a number that changes with it; 0 while it is empty.
     PICTURE = """(() => { const c = document.querySelector('.stage canvas'); if (!c || !c.width) return 0;
       const k = document.createElement('canvas'); k.width = c.width; k.height = c.height;
       const g = k.getContext('2d', {willReadFrequently: true}); g.drawImage(c, 0, 0);

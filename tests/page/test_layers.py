@@ -156,7 +156,7 @@ class Layers(PageTest):
             load(content)
             tab.wait(f"document.querySelector('.mix .trouble').textContent.includes({json.dumps(said)})")
         self.assertEqual(save(), text)
-        # What the file says of itself: a mix, no error, and the same again by `candela reproduce`.
+        # The file says this of itself: a mix, no error, and the same again by `candela reproduce`.
         tab.run("[...document.querySelectorAll('.mix button')].find(b => b.textContent === 'Reset').click()")
         self.assertEqual(json.loads(save()), {"layers": {}})
         self.silent(tab)

@@ -53,7 +53,7 @@ class Wall(PageTest):
         self.press(tab, "[data-sort=error]")
         self.assertEqual(tab.run("location.search + document.querySelector('[aria-sort]').ariaSort"), "?sort=errordescending")
         self.silent(tab)
-        # What lasts is kept by its address; the rest is asked for again.
+        # The address keeps what lasts; the rest is asked for again.
         revision = next(j for j in json.loads(self.ask("GET", "/api/jobs")[2])["jobs"] if j["id"] == job)["thumbnail"]
         code, fields, small = self.ask("GET", f"/api/jobs/{job}/thumbnail?revision={revision}")
         self.assertEqual((code, fields["Content-Type"], small[1:4]), (200, "image/png", b"PNG"))

@@ -42,7 +42,7 @@ struct Options {
   std::size_t recordings = 2;
   std::uint64_t master_files = 1024;
   unsigned record_threads = 2;
-  // What --check allows; 0: anything.
+  // Bounds that --check allows; 0: none.
   double max_cpu = 0, max_lease_p99_ms = 0, max_share_error = 0, max_resident_mb = 0, min_busy = 0;
 };
 

@@ -1,4 +1,4 @@
-// What the kernel tells of a process (Linux).
+// Figures of a process by the kernel (Linux).
 #pragma once
 
 #include <sys/types.h>

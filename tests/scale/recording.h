@@ -28,7 +28,7 @@ class Recording {
   const PilotResult& pilot() const { return pilot_; }
   std::size_t count() const { return films_.size(); }
   std::uint64_t film_bytes(std::size_t i) const { return films_[i].section.size(); }
-  // Of recording `i`, decoded.
+  // Recording `i`, decoded.
   const film::Delta& delta(std::size_t i) const { return films_[i].delta; }
 
   // Recording `i` as the delta of this lease. An iteration's film stands for those of all the unit's

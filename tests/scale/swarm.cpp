@@ -75,7 +75,7 @@ class SwarmWorker {
     for (grpc::ClientContext* context : calls_) context->TryCancel();
     for (grpc::Alarm* alarm : alarms_) alarm->Cancel();
   }
-  // Of the unit that is being rendered.
+  // For the unit that is being rendered.
   void charge_until(Clock::time_point now) {
     const std::lock_guard lock(mutex_);
     charge(now);
@@ -217,7 +217,7 @@ class SwarmWorker {
       ++generation_;
       render_next();
     }
-    // What is being delivered gets its verdict.
+    // A delivery under way gets its verdict.
     for (std::size_t i = 1; i < outbox_.size(); ++i)
       if (outbox_[i].lease.token() == token)
         outbox_.erase(outbox_.begin() + static_cast<std::ptrdiff_t>(i--));

@@ -22,7 +22,7 @@ namespace candela::master {
 
 class AuditSimulation {
  public:
-  // What a worker says of a unit; empty: the truth.
+  // Answer of a worker for a unit; empty: the truth.
   using Lie = std::function<std::string(const Unit&)>;
   struct SimWorker {
     std::string id, host;

@@ -48,7 +48,7 @@ SphereBins::SphereBins(const std::vector<Vec3>& directions, int bins, int per_bo
 std::size_t SphereBins::build(const Box& box, std::vector<SpherePoint> points, std::size_t bin, int depth) {
   const std::size_t index = nodes_.size();
   nodes_.push_back({.box = box});
-  // Where splitting would make bins too small, this is one, and what is split below it belongs to it.
+  // A node with points for less than two bins is one bin, with all that is split below it.
   if (bin == kNoBin && points.size() < 2 * per_bin_) bin = bin_count_++;
   const auto leaf = [&] {
     nodes_[index].bin = bin == kNoBin ? bin_count_++ : bin;

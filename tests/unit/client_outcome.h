@@ -1,4 +1,4 @@
-// What one call of the program left.
+// Result of one call of the program.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// What the client's side of the protocol is asked in tests of a master: call by call, with a word where one
+// Calls of the client's side of the protocol in tests of a master: call by call, with a word where one
 // fails.
 #pragma once
 
@@ -29,7 +29,7 @@ inline grpc::Status upload(FarmStub& farm, const std::string& bytes, const std::
   return stream->Finish();
 }
 
-// Of a bundle that is one file.
+// For a bundle that is one file.
 inline v1::SubmitRequest submission(const std::string& scene, const JobSettings& settings,
                                     std::uint64_t iterations) {
   v1::SubmitRequest request;

@@ -71,7 +71,7 @@ double find_least(const Residual& residual, Vec2& best) {
   return std::sqrt(least);
 }
 
-// What stands in for the sampler of a walk from the light. Roulette never ends it.
+// Stands in for the sampler of a walk from the light. Roulette never ends it.
 struct LedSampler {
   float select = 0.5f, lobe = 0.5f, emitter_choice = 0.5f;
   Vec2 position{0.5f, 0.5f}, start_direction{0.5f, 0.5f}, direction{0.5f, 0.5f}, flight{0.5f, 0.5f},

@@ -1,4 +1,4 @@
-// How many bytes of operator new are alive in this program, and how many were at most: the test's binary
+// Bytes of operator new that are alive in this program, and how many were at most: the test's binary
 // links live_bytes.cpp.
 #pragma once
 

@@ -43,7 +43,7 @@ std::string make_changed_delta(const Unit& unit, const std::string& job, int sca
   return film::encode_delta(film, {unit, film.layout(), scale, job, build});
 }
 
-// What "rendering" gives.
+// Result of "rendering".
 inline std::string make_delta(const Unit& unit, const std::string& job, int scale, const std::string& build) {
   return make_changed_delta(unit, job, scale, build, [](auto&&...) {});
 }

@@ -58,7 +58,7 @@ inline FunctionTarget two_dimensions() {
   });
 }
 
-// How many numbers are asked for depends on their values: a path that grows and shrinks. Dimension 0 decides
+// The count of numbers asked for depends on their values: a path that grows and shrinks. Dimension 0 decides
 // the length, 1 to 3 are read as far as it goes, and the value depends on all that were read, so that what is
 // left behind is not uniform given the rest. The place is (first number, length / 4).
 inline std::pair<double, transport::FilmPosition> growing_value(mcmc::PrimaryState& numbers) {

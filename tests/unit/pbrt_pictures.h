@@ -65,7 +65,7 @@ inline Result<Picture> try_picture(const Files& files, const std::string& main_k
   return picture;
 }
 
-// Of scene.pbrt; an error fails the test by an exception that tells it.
+// Built from scene.pbrt; an error fails the test by an exception that tells it.
 inline Picture pbrt_picture(const std::string& text, Files files = {}, const PictureSettings& settings = {}) {
   files["scene.pbrt"] = text;
   auto picture = try_picture(files, "scene.pbrt", settings);

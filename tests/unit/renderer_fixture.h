@@ -12,7 +12,7 @@
 
 namespace candela::test {
 
-// Of scene.xml in `files`, which outlives it; one thread. chosen: settings of job.integrator over its
+// For scene.xml in `files`, which outlives it; one thread. chosen: settings of job.integrator over its
 // defaults.
 inline std::unique_ptr<render::Renderer> make_renderer(const TextFiles& files, JobSettings job,
                                                        const SettingsMap& chosen) {

@@ -1,4 +1,5 @@
-// How often the F test alarms where nothing is wrong, and finds what is: the tables of sections 5.1 to 5.4 of
+// Rates at which the F test alarms where nothing is wrong, and finds what is: the tables of sections 5.1
+// to 5.4 of
 // ../shared/theory/adaptive-kernels.md, with the integer decisions of the product. All draws have fixed
 // seeds. Of other seeds a row would fail by chance where it says so: limits are 5 standard errors of the
 // difference, ours and the table's, 6e-7 for each of the 40 rows of this file.

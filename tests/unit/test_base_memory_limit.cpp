@@ -1,4 +1,4 @@
-// What a process may take of the memory, and what it does without.
+// Memory that a process may take, and what it does without.
 #include <gtest/gtest.h>
 
 #include <filesystem>

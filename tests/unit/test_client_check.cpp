@@ -112,7 +112,7 @@ TEST_F(Check, SharedFaces) {
   EXPECT_FALSE(warns(cube("a", 0, glass), cube("b", 2, matt)));
   EXPECT_FALSE(warns(cube("a", 0, glass), cube("b", 2, glass, 2)));  // an edge
   EXPECT_FALSE(warns(cube("a", 0, glass), cube("b", 3, glass)));     // floors in one plane, side by side
-  // Of very many pairs a few are told.
+  // Only a few of very many pairs are told.
   std::string many;
   for (int i = 0; i < 40; ++i) many += cube(("c" + std::to_string(i)).c_str(), 2 * i, glass);
   const std::string out = check(many + light).out;

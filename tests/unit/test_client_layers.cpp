@@ -61,7 +61,7 @@ void render(std::uint32_t half, std::uint64_t begin, std::uint64_t end, film::Un
   film.count(sample_counts);
 }
 
-// How many units may be rendered: the test says how far a job comes before a master goes.
+// Number of units that may be rendered: the test says how far a job comes before a master goes.
 std::atomic<int>& permits() {
   static std::atomic<int> count{0};
   return count;
@@ -349,7 +349,7 @@ TEST_F(LayersOverTheFarm, SurviveRestartsAndReachTheExr) {
   EXPECT_EQ(image::read_image(path)->rgb, expected.develop(0));
   EXPECT_EQ(image::read_image(path)->metadata.count("candela:layers"), 0U);
   check_halves(id, expected);
-  // What the master writes by itself has the layers, too.
+  // Files that the master writes by itself have the layers, too.
   EXPECT_EQ(image::read_layer(data_ / "jobs" / id / "image.exr", kLayers[1])->rgb, expected.develop(2));
 }
 

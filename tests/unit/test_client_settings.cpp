@@ -158,7 +158,7 @@ TEST(Settings, EditsAreReadAndChecked) {
   EXPECT_NE(edits((folder.path() / "none.json").string()).find("none.json"), std::string::npos);
   EXPECT_TRUE(edits(R"({"edits": [{}]})").starts_with("--edits: edits[0].name"))
       << edits(R"({"edits": [{}]})");
-  // Those of the scene count unless the command line has some, or none.
+  // Settings of the scene count unless the command line has some, or none.
   TestScene scene;
   scene.scene->properties.push_back({"edits", description::PropertyType::string, text, {}});
   SceneOptions options;

@@ -22,7 +22,7 @@ class Slurm : public CommandTest {
     arguments.insert(arguments.end(), more.begin(), more.end());
     return run_candela(arguments);
   }
-  // Whether bash reads the script to its end, and finds no fault.
+  // Tells if bash reads the script to its end, and finds no fault.
   static bool bash_reads(const std::string& path) {
     return std::system(("bash -n '" + path + "'").c_str()) == 0;
   }

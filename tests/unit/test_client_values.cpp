@@ -1,4 +1,4 @@
-// What people type: durations, sizes, counts, targets; and what they read back.
+// Values that people type: durations, sizes, counts, targets; and what they read back.
 #include <gtest/gtest.h>
 
 #include <array>

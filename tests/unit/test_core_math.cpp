@@ -110,7 +110,6 @@ TEST(Math, ExponentialsAreWithinTheirBounds) {
   rng::Stream stream(rng::key(9));
   double worst_exp = 0;
   double worst_log = 0;
-  double worst_powf = 0;
   long double worst_pow = 0;
   for (int i = 0; i < 100000; ++i) {
     const double x = (stream.next_double() - 0.5) * 1400;
@@ -123,21 +122,13 @@ TEST(Math, ExponentialsAreWithinTheirBounds) {
     const double exponent = (stream.next_double() - 0.5) * 1400 / std::log(y);
     const long double exact = std::pow(static_cast<long double>(y), static_cast<long double>(exponent));
     worst_pow = std::max(worst_pow, std::abs(math::pow(y, exponent) / exact - 1));
-    const float a = stream.next_float() * 10;
-    const float b = (stream.next_float() - 0.5f) * 20;
-    const long double exact_f = std::pow(static_cast<long double>(a), static_cast<long double>(b));
-    if (exact_f > 1e-37L && exact_f < 3e38L)
-      worst_powf = std::max(worst_powf, float_ulps(math::powf(a, b), exact_f));
   }
   EXPECT_LE(worst_exp, 2);
   EXPECT_LE(worst_log, 2);
   EXPECT_LE(worst_pow, 1e-13L);
-  EXPECT_LE(worst_powf, 1);
 }
 
 TEST(Math, ErrorFunctions) {
-  EXPECT_LE(worst_float(-6, 6, math::erff, [](long double x) { return std::erf(x); }), 1);
-  EXPECT_LE(worst_float(-1e-4f, 1e-4f, math::erff, [](long double x) { return std::erf(x); }), 1);
   for (double x = 0; x < 11; x += 0.001) {
     const long double exact =
         std::exp(static_cast<long double>(x) * x) * std::erfc(static_cast<long double>(x));
@@ -201,11 +192,6 @@ TEST(Math, SpecialValues) {
   EXPECT_EQ(math::pow(2, 5000), std::numeric_limits<double>::infinity());
   EXPECT_EQ(math::pow(2, -5000), 0);
   EXPECT_TRUE(std::isnan(math::pow(-1, 2)));
-  EXPECT_EQ(math::powf(3, 0), 1);
-  EXPECT_EQ(math::erff(0), 0);
-  EXPECT_EQ(math::erff(kInf), 1);
-  EXPECT_EQ(math::erff(-7), -1);
-  EXPECT_TRUE(std::isnan(math::erff(kNaN)));
   EXPECT_EQ(math::erfinvf(0), 0);
   EXPECT_EQ(math::erfinvf(1), kInf);
   EXPECT_EQ(math::erfinvf(-1), -kInf);

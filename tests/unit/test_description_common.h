@@ -1,4 +1,4 @@
-// What the scene description's tests share: files in memory.
+// Shared by the scene description's tests: files in memory.
 #pragma once
 
 #include <map>

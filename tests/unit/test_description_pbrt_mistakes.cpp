@@ -1,4 +1,4 @@
-// What is wrong in scenes of pbrt's version 4, and what pbrt itself passes over: errors and warnings.
+// Mistakes in scenes of pbrt's version 4, and what pbrt itself passes over: errors and warnings.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// What `candela check` says of a scene: counts, differences, ignored parameters, unused objects.
+// Output of `candela check` about a scene: counts, differences, ignored parameters, unused objects.
 #include <gtest/gtest.h>
 
 #include "common/description/review.h"

@@ -1,4 +1,4 @@
-// What a well-formed scene means: values, references, includes, parameters, transforms, the old spelling,
+// Meaning of a well-formed scene: values, references, includes, parameters, transforms, the old spelling,
 // real scenes.
 #include <gtest/gtest.h>
 

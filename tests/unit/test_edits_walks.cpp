@@ -133,7 +133,7 @@ TEST(EditedWalks, AreOneBsdfFromBothEnds) {
                        b = static_cast<double>(by_light.g) * eye_at.geometric(l);
           EXPECT_NEAR(a, b, 2e-3 * (a + b) + 1e-5) << lit << seen;
           compared += a > 0;
-          // Of the eye's walk and of the light's, as each of the two tells it.
+          // For the eye's walk and the light's, as each of the two tells it.
           EXPECT_EQ(pdf, from_light.closure.pdf_solid_angle(o, l, kRadiance));
           EXPECT_EQ(unused, from_eye.closure.pdf_solid_angle(l, o, kImportance));
           if (densities[0] >= 0) {

@@ -60,7 +60,7 @@ TEST_F(ImageIo, ExrIsLossless) {
     ASSERT_TRUE(image->metadata.count(key)) << key;
     EXPECT_EQ(image->metadata.at(key), value);
   }
-  // What was read can be written again.
+  // An image that was read can be written again.
   EXPECT_TRUE(encode_exr(37, 21, image->rgb, image->metadata, layers).value() == *bytes);
 }
 

@@ -246,7 +246,7 @@ TEST(IntegratorMmlt, LengthsFollowTheirProbabilities) {
   }
 }
 
-// What settings cannot mean together is refused where a job is made, not where it runs.
+// Settings that contradict each other are refused where a job is made, not where it runs.
 TEST(MarkovSettings, RefusedOnCompletion) {
   for (const std::string& integrator : test::chain_integrators()) {
     EXPECT_TRUE(render::complete_integrator_settings(integrator, {}, {{"chains", "8"}}).ok());

@@ -52,7 +52,7 @@ JobSettings job_of(const std::string& integrator) {
   return job;
 }
 
-// Of a renderer of this scene whose file `key` is opened when the stop comes.
+// For a renderer of this scene whose file `key` is opened when the stop comes.
 std::string error_of_building(std::map<std::string, std::string> files, const std::string& key,
                               WorkMonitor& monitor, const std::string& main = "scene.xml") {
   const StoppingFiles source(std::move(files), key, monitor);

@@ -17,7 +17,7 @@ namespace {
 // A worker of a name of its own, that may deliver something else than the truth.
 class NamedWorker : public TestWorker {
  public:
-  // What it makes of a delta of `value` times the truth's light.
+  // It makes this of a delta of `value` times the truth's light.
   using Lie = std::function<bool(const Unit&)>;
   NamedWorker(const std::shared_ptr<grpc::Channel>& channel, const std::string& who, Lie lie = {})
       : TestWorker(channel), lie_(std::move(lie)) {

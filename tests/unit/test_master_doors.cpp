@@ -70,7 +70,7 @@ class Socket {
   void send(const std::string& text) const {
     EXPECT_EQ(::send(fd_, text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
   }
-  // What comes next.
+  // The next step.
   std::string some() const {
     char buffer[4096];
     const ssize_t n = ::recv(fd_, buffer, sizeof buffer, 0);

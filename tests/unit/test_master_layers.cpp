@@ -1,4 +1,4 @@
-// What a master takes for the layers of a job's film, and how its store remembers them.
+// Layers that a master accepts for a job's film, and how its store remembers them.
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// What a master refuses, and that no client keeps others out.
+// Calls that a master refuses, and that no client keeps others out.
 #include <gtest/gtest.h>
 
 #include <list>
@@ -62,7 +62,7 @@ TEST(PeerPlaces, FixedPlacesStay) {
 
 class IdleWorkerTest : public SchedulerFixture {
  public:
-  // Of a new job, as the worker "honest" gets it after the pilot.
+  // For a new job, as the worker "honest" gets it after the pilot.
   Lease first_unit() {
     s->submit(row("j", 1000), now());
     const auto pilot = lease("honest");

@@ -1,4 +1,4 @@
-// What the page shows: the record of convergence, pictures in tiles, and the priority it can change.
+// Content of the page: the record of convergence, pictures in tiles, and the priority it can change.
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>

@@ -232,7 +232,7 @@ TEST_F(CertificatesTest, MayWhatTheirRolesAllow) {
                                       "FarmService/FindJobs",      "FarmService/GetGroup"};
   std::set<std::string> submit = read, operate,
                         worker = {"FarmService/GetServerInfo", "FarmService/ListWorkers"};
-  // Of jobs that there are not: what a call says of others' jobs is another test.
+  // For jobs that there are not: what a call says of others' jobs is another test.
   submit.insert({"FarmService/FindMissingBlobs", "FarmService/UploadBlob", "FarmService/Submit",
                  "FarmService/PauseJob", "FarmService/ResumeJob", "FarmService/ExtendJob",
                  "FarmService/CancelJob", "FarmService/SetPriority", "FarmService/SteerGroup"});
@@ -295,7 +295,7 @@ TEST_F(CertificatesTest, OthersJobsAreForOperators) {
   EXPECT_TRUE(steer(*alice, &v1::FarmService::Stub::PauseJob, id).ok());
   EXPECT_TRUE(steer(*operators, &v1::FarmService::Stub::ResumeJob, id).ok());
   EXPECT_TRUE(steer(*alice, &v1::FarmService::Stub::CancelJob, id).ok());
-  // What belongs to no job is an operator's.
+  // Calls that belong to no job are an operator's.
   EXPECT_EQ(call_empty(dial("carl", {Role::submit}), "FarmService/VerifyJobs").error_code(), kDenied);
   EXPECT_EQ(steer(*alice, &v1::FarmService::Stub::RepairJob, "jnone").error_code(), kDenied);
   EXPECT_EQ(steer(*alice, &v1::FarmService::Stub::CancelJob, "jnone").error_code(),

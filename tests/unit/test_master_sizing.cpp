@@ -1,4 +1,4 @@
-// How many iterations a unit has.
+// Numbers of iterations of units.
 #include <gtest/gtest.h>
 
 #include "master/scheduler/sizing.h"

@@ -1,4 +1,4 @@
-// How many threads and workers the queue wants, against a clock of our own. Units take four seconds.
+// Threads and workers that the queue wants, against a clock of our own. Units take four seconds.
 #include <gtest/gtest.h>
 
 #include "tests/unit/scheduler_fixture.h"

@@ -1,4 +1,4 @@
-// What very small jobs of chains come to on average: the bound of docs/normalisation.md on their bias, by the
+// Means of very small jobs of chains: the bound of docs/normalisation.md on their bias, by the
 // code that renders, on a target whose image is known.
 #include <gtest/gtest.h>
 
@@ -39,7 +39,7 @@ Moments moments() {
   return m;
 }
 
-// Of b, for whatever is at most a path's luminance.
+// Bound in units of b, for whatever is at most a path's luminance.
 double bound(const Moments& m, std::uint64_t samples) {
   const auto n = static_cast<double>(samples);
   return (1.25 + 3.6 * m.variance) / n + std::max(m.third, 0.0) / (n * n) +

@@ -31,7 +31,7 @@ struct Ends {
   transport::FilmPosition first, last;
 };
 
-// Of `count` chains of `mutations` mutations. most: a bound of the target.
+// For `count` chains of `mutations` mutations. most: a bound of the target.
 std::vector<Ends> run_chains(PrimaryTarget& target, double most, std::uint64_t count, std::uint64_t mutations,
                              double prob_large, StepSizes sizes, std::uint64_t seed) {
   std::vector<Ends> ends;
@@ -177,7 +177,7 @@ TEST(McmcChain, KeepsATargetOfChangingDimension) {
   }
 }
 
-// What segment after segment of a chain adds to a film of two pixels, as developed with the true b.
+// Sum that segment after segment of a chain adds to a film of two pixels, as developed with the true b.
 std::vector<std::array<double, 2>> segments(PrimaryTarget& target, double b, ChainRules rules,
                                             std::uint64_t chain, std::uint64_t count) {
   const auto filter = film::PixelFilter::create("box", {});

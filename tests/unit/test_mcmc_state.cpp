@@ -133,15 +133,15 @@ TEST(McmcState, BadBytesAreRefused) {
   EXPECT_FALSE(other.restore(wrong).ok());
 }
 
-// How far numbers moved, as fractions of the circle in [-1/2, 1/2): one of a draw of one, two of a draw of
-// two.
+// Distances that numbers moved, as fractions of the circle in [-1/2, 1/2): one of a draw of one, two of a
+// draw of two.
 struct Moved {
   std::array<std::vector<double>, 3> by;
 };
 
-// Of `states` states that accept `steps` small steps, with rejected proposals of both kinds in between and at
-// the end. Two draws are asked for at the start, and then by the last step alone, or (`always`) by all of
-// them.
+// Moves of `states` states that accept `steps` small steps, with rejected proposals of both kinds in between
+// and at the end. Two draws are asked for at the start, and then by the last step alone, or (`always`) by all
+// of them.
 Moved moved_by(std::uint64_t steps, bool always, std::uint64_t states, StepSizes sizes, std::uint64_t seed) {
   Moved moved;
   for (std::uint64_t i = 0; i < states; ++i) {
@@ -164,7 +164,7 @@ Moved moved_by(std::uint64_t steps, bool always, std::uint64_t states, StepSizes
     const auto first = ask_both();
     for (std::uint64_t step = 1; step <= steps; ++step) {
       const bool last = step == steps;
-      // What a rejected proposal asked for has made up for what it missed: in the end, none does.
+      // Numbers that a rejected proposal asked for have made up for what it missed: in the end, none does.
       reject_some(always || i % 2 == 0);
       state.propose(stream.next_u64(), false);
       if (always || last) ask_both();

@@ -129,7 +129,7 @@ TEST(MisDevelopment, ReadsOneJobInSeveralWays) {
     double squares = 0;
     for (std::size_t i = 0; i < image.size(); i += 3) squares += std::pow(image[i] - f, 2);
     const double rmse = std::sqrt(squares / (static_cast<double>(image.size()) / 3));
-    // Of three colors, one half as bright and one black.
+    // Three colors, one half as bright and one black.
     EXPECT_NEAR(stated, rmse * std::sqrt((1 + 0.25) / 3), 0.1 * rmse);
   }
 }

@@ -7,6 +7,7 @@
 
 #include "common/mis/batch.h"
 #include "common/rng/stream.h"
+#include "tests/mis_estimators.h"
 #include "tests/mis_problems.h"
 
 namespace candela {

@@ -52,7 +52,7 @@ double variance_of(const mis::Allocation& n, const MisMoments& m, const mis::Vec
   }
   return v;
 }
-// Of all slopes that are as good, those that solve A alpha = b.
+// Among slopes that are as good, those that solve A alpha = b.
 mis::Vector solution(const mis::Allocation& n, const MisMoments& m, mis::Vector alpha) {
   const double s = (m.f - std::accumulate(alpha.begin(), alpha.end(), 0.0)) / n.total();
   for (std::size_t i = 0; i < n.techniques; ++i) alpha[i] += s * n.counts[i];

@@ -130,7 +130,7 @@ TEST(SurfacePoints, HaveTheHitsOfRays) {
         const float d = std::abs(a - b);
         EXPECT_LT(std::min(d, 1 - d), 20 * tolerance);  // angles turn around
       };
-      // Where the angle of a disk or a sphere has a meaning.
+      // Only if the angle of a disk or a sphere has a meaning.
       if (length(hit.dp_du) > 0.3f && length(hit.dp_dv) > 0.3f) {
         near(again.uv.x, hit.uv.x);
         near(again.uv.y, hit.uv.y);

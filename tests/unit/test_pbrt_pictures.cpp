@@ -33,7 +33,7 @@ std::unique_ptr<scene::Scene> scene_of(const std::string& text, Files files = {}
   return std::move(scene).value();
 }
 
-// Whether the side that the camera meets, from outside, is the front: where lamps glow and the outer medium
+// Tells if the side that the camera meets, from outside, is the front: where lamps glow and the outer medium
 // is.
 TEST(PbrtPictures, MirrorsTurnQuadricsInsideOut) {
   // The last ones are made of triangles.

@@ -1,4 +1,4 @@
-// What every bsdf must keep: sampling matches its density, weights are value over density, reciprocity,
+// Every bsdf must keep these: sampling matches its density, weights are value over density, reciprocity,
 // energy, and finite values whatever is asked. Statistical tests have fixed seeds; their family-wise
 // false-alarm rate over seeds is stated.
 #include <gtest/gtest.h>
@@ -295,7 +295,7 @@ TEST(Dielectric, ObeysFresnelAndSnell) {
         if (!outside) wo.z = -wo.z;
         const double relative = outside ? static_cast<double>(eta) : 1 / static_cast<double>(eta);
         const double r = fresnel_reference(static_cast<double>(std::abs(wo.z)), relative);
-        // Where the choice flips, found by bisection: the probability of reflection.
+        // The choice flips here, found by bisection: the probability of reflection.
         float low = 0;
         float high = 1;
         BsdfSample s;

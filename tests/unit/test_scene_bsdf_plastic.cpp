@@ -86,7 +86,7 @@ struct Theory {
     return (s * s + p * p) / 2;
   }
 
-  // What is reflected of light at cosine mu that passes from index 1 to eta.
+  // The part that is reflected of light at cosine mu that passes from index 1 to eta.
   double reflected(double mu, double eta) const {
     constexpr int kRadii = 200, kAngles = 60;
     double sum = 0;

@@ -237,7 +237,7 @@ TEST(ImageHeaders, PrimariesOfOpenExrBecomeRec709) {
   EXPECT_EQ(same.r, 0.1F);
   EXPECT_EQ(same.g, 0.2F);
   EXPECT_EQ(same.b, 0.3F);
-  // Those that make no colors are passed over.
+  // Primaries that make no colors are passed over.
   expect(seen({0, 0, 0, 0, 0, 0, 0, 0}, {0.1F, 0.2F, 0.3F}), 0.1, 0.2, 0.3);
 }
 

@@ -55,7 +55,7 @@ void check_density(const std::string& body, Vec3 reference, Vec3 front, std::uin
     if (scene.sample_direct(ref, front, a, {b, stream.next_float()}, light) == DirectOutcome::sampled) {
       ASSERT_GT(light.pdf_solid_angle, 0);
       ASSERT_NEAR(length(light.wi), 1, 1e-5f);
-      // What the sample found is what a ray finds, and its density is that of the other technique.
+      // A ray finds what the sample found, and its density is that of the other technique.
       SurfaceHit hit;
       if (scene.intersect({reference, light.wi}, hit) && hit.emitter == light.emitter &&
           dot(hit.ng, light.wi) < -1e-3f) {

@@ -70,7 +70,7 @@ void check(const LightCase& light, const View& view, std::uint64_t seed,
       ASSERT_GT(out.pdf_solid_angle, 0);
       SurfaceHit hit;
       const bool met = scene.intersect({reference.p, out.wi}, hit);
-      // What lies behind another part of the lamp is not found by rays: it stays with the rest.
+      // Parts behind another part of the lamp are not found by rays: it stays with the rest.
       if (met ? length(hit.p - out.p) < 2e-3f && !out.infinite && dot(hit.ng, out.wi) < 0 : out.infinite) {
         const Vec3 l = frame.to_local(out.wi);
         const double a = (1 - static_cast<double>(l.z)) / cap;

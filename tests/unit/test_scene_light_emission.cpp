@@ -1,7 +1,7 @@
 // Claims about light leaving emitters, for every kind:
 // - positions are uniform in area (two-sample chi-squared against the meetings of random lines with the
 //   surface, which are uniform too), directions have the stated density (chi-squared);
-// - weight = radiance cos / densities; the mean weight is the power known on paper, and emitter_power says
+// - weight = radiance cos / densities; the mean weight is the power known on paper, and Lights::power says
 // so;
 // - densities asked for a hit, for what sample_direct found and for a direction are those of the sample;
 // - the light that arrives at a floor by following light is that which sample_direct gathers from the floor;
@@ -18,6 +18,7 @@
 #include "tests/unit/chi_squared.h"
 #include "tests/unit/light_cases.h"
 #include "tests/unit/scene_fixture.h"
+#include "worker/scene/emitters/lights.h"
 
 namespace candela::scene {
 namespace {
@@ -89,7 +90,7 @@ TEST(Emission, WeightsAreRadianceOverDensityAndTheirMeanThePower) {
       ASSERT_EQ(out.vertex.emitter, 0u);
       mean.add(static_cast<double>(out.weight.g));
     }
-    const auto power = static_cast<double>(scene->emitter_power(0).g);
+    const auto power = static_cast<double>(scene->lights().power(0).g);
     const double known = light.power < 0 ? -light.power * kPi * r * r : light.power;
     if (known > 0) {
       EXPECT_NEAR(power / known, 1, std::max(light.power_error, 1e-4)) << light.name;
@@ -254,7 +255,7 @@ TEST(Emission, DirectionsFollowTheirDensity) {
   }
 }
 
-// What next event estimation found, asked for as emission.
+// Light that next event estimation found, asked for as emission.
 TEST(Emission, DensitiesOfDirectSamplesAreThoseOfEmission) {
   std::uint64_t seed = 300;
   for (const LightCase& light : light_cases()) {
@@ -360,7 +361,7 @@ TEST(Emission, ManyEmittersAreChosenByPowerAndKeepTheirLight) {
   double total = 0, power = 0;
   for (std::uint32_t i = 0; i < count; ++i) {
     total += static_cast<double>(scene->prob_emission(i));
-    power += static_cast<double>(luminance(scene->emitter_power(i)));
+    power += static_cast<double>(luminance(scene->lights().power(i)));
   }
   EXPECT_NEAR(total, 1, 1e-6);
   Draws draws(20, 500);
@@ -368,7 +369,7 @@ TEST(Emission, ManyEmittersAreChosenByPowerAndKeepTheirLight) {
   for (std::uint32_t i = 0; i < count; ++i) {
     expected[i] = 100000 * static_cast<double>(scene->prob_emission(i));
     EXPECT_NEAR(static_cast<double>(scene->prob_emission(i)) * power /
-                    static_cast<double>(luminance(scene->emitter_power(i))),
+                    static_cast<double>(luminance(scene->lights().power(i))),
                 1, 1e-4);
   }
   int drawn = 0;

@@ -109,7 +109,7 @@ std::string with(std::string shape, const std::vector<double>& to_world, const s
   return shape;
 }
 
-// Of scale 2: a mirror in a plane through none of the axes, and one along an axis.
+// With scale 2: a mirror in a plane through none of the axes, and one along an axis.
 const std::vector<double> kOblique = {2.0 / 3,  -4.0 / 3, -4.0 / 3, 0.5,  -4.0 / 3, 2.0 / 3, -4.0 / 3, -0.25,
                                       -4.0 / 3, -4.0 / 3, 2.0 / 3,  0.75, 0,        0,       0,        1};
 const std::vector<double> kReflection = {1.0 / 3,  -2.0 / 3, -2.0 / 3, 0.5,      -2.0 / 3, 1.0 / 3,

@@ -83,7 +83,7 @@ TEST(ObjParts, TheLibraryGivesBsdfs) {
   expect_color(both, -0.5f, kRed);
   expect_color(both, 0.5f, kBlue);
   EXPECT_EQ(both.notes, "");
-  // What the job must bring along.
+  // The job must bring these along.
   EXPECT_NE(std::find(both.files.begin(), both.files.end(), "m/two.mtl"), both.files.end());
   const Read without =
       read("<boolean name='loadMaterials' value='false'/>", {{"m/a.obj", kTwo}, {"m/two.mtl", kLibrary}});

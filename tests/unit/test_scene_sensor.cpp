@@ -174,7 +174,7 @@ TEST(PerspectiveSensor, RaysAreFinite) {
   EXPECT_TRUE(std::isfinite(ray->t_max));
 }
 
-// What a description alone cannot tell is refused here; its own checks name the rest.
+// Scenes are refused here for what a description alone cannot tell; its own checks name the rest.
 TEST(PerspectiveSensor, RefusesScale) {
   const auto ray =
       ray_of(std::string(kFov90) + "<transform name=\"to_world\"><scale value=\"2\"/></transform>", 0, 0);

@@ -109,7 +109,7 @@ TEST(CameraImportance, PdfFindsTheRayAgain) {
                     1, 1e-4f);
         float distance = 0;
         CameraDensity met;
-        ASSERT_TRUE(scene->intersect_camera({reference.p, seen.wi}, distance, met, 1e-3f));
+        ASSERT_TRUE(scene->meets_camera({reference.p, seen.wi}, nullptr, distance, met, 1e-3f));
         EXPECT_NEAR(met.film_x, seen.film_x, 1e-3f);
         EXPECT_NEAR(met.importance / seen.importance, 1, 1e-3f);
         EXPECT_NEAR(length(reference.p + seen.wi * distance - ray.origin), 0, 1e-4f);
@@ -132,7 +132,7 @@ TEST(CameraImportance, RaysFollowTheirDensity) {
     Draws draws(++seed);
     const Frame frame = make_frame(kView);
     const bool parallel = sensor == kParallel;
-    // Of a cylinder's coordinates (angle, height) on the sphere, the cap around the view; of the plane, a
+    // For a cylinder's coordinates (angle, height) on the sphere, the cap around the view; of the plane, a
     // square.
     const double extent = parallel ? 5 : 0.6;
     const auto bin_of = [&](double a, double b) {
@@ -190,7 +190,7 @@ TEST(CameraImportance, RaysFollowTheirDensity) {
       }
     }
     EXPECT_NEAR(inside, 1, 3e-3) << sensor;  // the pdf integrates to one, to the quadrature's error
-    // What the quadrature leaves to its error is put where it belongs; its edge cells carry noise of their
+    // The quadrature's error is put where it belongs; its edge cells carry noise of their
     // own.
     for (double& e : expected) e /= inside;
     std::vector<double> rough_observed, rough_expected;
@@ -293,7 +293,7 @@ TEST(CameraImportance, MeasuresWhatCameraRaysMeasure) {
       float distance = 0;
       CameraDensity met;
       value = 0;
-      if (scene->intersect_camera(spawn_ray(at, d), distance, met)) {
+      if (scene->meets_camera(spawn_ray(at, d), nullptr, distance, met)) {
         Ray to_lens = spawn_ray(at, d);
         to_lens.t_max = distance;
         if (!scene->occluded(to_lens)) {

@@ -50,7 +50,7 @@ double median_density(double paths) {
   return paths * 0.749 / (100 * std::numbers::pi);
 }
 
-// Of an integrator that merges alone.
+// For an integrator that merges alone.
 estimators::Techniques merging_alone(bool in_media = false) {
   estimators::Techniques techniques = estimators::Techniques::none();
   techniques.merge_surface = true;

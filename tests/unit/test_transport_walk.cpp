@@ -31,7 +31,7 @@ const std::string kLens =
     "<sensor type=\"thinlens\"><float name=\"fov\" value=\"60\"/><float name=\"aperture_radius\" "
     "value=\"0.5\"/><float name=\"focus_distance\" value=\"2\"/></sensor>";
 
-// How many of `walks` meet the lens with their edge number max_edges + 1, which is there for that alone.
+// Number of `walks` that meet the lens with their edge number max_edges + 1, which is there for that alone.
 template <EdgeContent kEdgeContent>
 int last_edge_meetings(const std::string& body, std::uint32_t max_edges, int walks) {
   const auto scene = test::build_scene(body, {}, kLens);

@@ -1,4 +1,4 @@
-// What jobs of Markov chains say over the wire: round trips, and one error naming the field for each bad
+// Messages of jobs of Markov chains: round trips, and one error naming the field for each bad
 // value.
 #include <gtest/gtest.h>
 

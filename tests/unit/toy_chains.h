@@ -208,7 +208,7 @@ class ToyRenderer final : public render::Renderer {
   std::chrono::microseconds per_segment_;
 };
 
-// What a farm must come to, made here without one.
+// The result of a farm, made here without one.
 struct Expected {
   film::MergedFilm film;
   std::vector<chains::ChainRecord> records;  // by chain

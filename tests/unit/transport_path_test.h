@@ -215,7 +215,7 @@ class PathTest {
     scene::CameraDensity density;
     const Ray ray = scene::spawn_ray(slots[last]->v.hit, -wo);
     scene::SurfaceHit next;  // a meter is a surface of the scene
-    if (!scene_.intersect_camera(ray, distance, density, rules_.film_border) &&
+    if (!scene_.meets_camera(ray, nullptr, distance, density, rules_.film_border) &&
         !(scene_.intersect(ray, next) &&
           scene_.meets_camera(ray, &next, distance, density, rules_.film_border))) {
       ++findings_.lost;

@@ -44,7 +44,7 @@ struct Slot {
 };
 using Slots = std::vector<std::unique_ptr<Slot>>;
 
-// Of the walk's last advance(), before it is scattered.
+// Facts of the walk's last advance(), before it is scattered.
 template <class WalkT>
 void note(const WalkT& walk, Slot& slot, std::uint32_t parent) {
   slot.v.parent = parent;

@@ -202,7 +202,7 @@ inline const char* name_of(Technique::Kind kind) {
   return kNames[static_cast<int>(kind)];
 }
 
-// What is left out, from path to path.
+// Parts left out, from path to path.
 inline Counts counts_of(std::uint64_t i, bool lens) {
   Counts c;
   c.light_image = 1000;  // light paths

@@ -24,7 +24,8 @@ using estimators::Techniques;
 using test::LedSampler;
 
 inline constexpr double kPaths = 4096;
-// How far floats may move places, over the length of an edge: what that does to its direction and density.
+// Distance that floats may move places, over the length of an edge: what that does to its direction and
+// density.
 inline constexpr double kOfPlaces = 1e-6;
 inline constexpr float kSameRadius = 0.01f;  // of searches for the one photon or beam; weights do not know it
 
@@ -38,7 +39,7 @@ struct Field {
   }
 };
 
-// What an integrator weighs with.
+// Weights of an integrator.
 struct Weighing {
   std::string name;
   Techniques techniques;

@@ -24,12 +24,12 @@
 
 namespace candela::worker {
 
-// What the fake renderer adds to a pixel: a function of the pixel and the iteration alone.
+// The fake renderer adds this to a pixel: a function of the pixel and the iteration alone.
 inline std::array<float, 3> fake_radiance(std::uint32_t x, std::uint32_t y, std::uint64_t iteration) {
   return {static_cast<float>(x), static_cast<float>(y), static_cast<float>(iteration % 7)};
 }
 
-// What the fake renderers share with their test.
+// State that the fake renderers share with their test.
 struct FakeRendererControl {
   std::mutex mutex;
   std::condition_variable changed;

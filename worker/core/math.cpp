@@ -90,33 +90,6 @@ double srgb_to_linear(double v) {
   return v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
 }
 
-float powf(float x, float y) {
-  return static_cast<float>(pow(static_cast<double>(x), static_cast<double>(y)));
-}
-
-namespace {
-
-// For |x| < 1/2: Taylor, 2/sqrt(pi) (x - x^3/3 + x^5/10 - ...).
-double erf_small(double x) {
-  const double z = x * x;
-  constexpr double kScale = 1.12837916709551257390;
-  return kScale * x *
-         detail::polynomial(z, {1.0, -1.0 / 3, 1.0 / 10, -1.0 / 42, 1.0 / 216, -1.0 / 1320, 1.0 / 9360,
-                                -1.0 / 75600, 1.0 / 685440});
-}
-
-}  // namespace
-
-float erff(float x) {
-  const double a = std::abs(static_cast<double>(x));
-  if (!(a < 0.5)) {
-    if (a != a) return x;
-    const double value = a > 6 ? 1.0 : 1 - detail::exp_single(-a * a) * erfcx(a);
-    return static_cast<float>(std::copysign(value, static_cast<double>(x)));
-  }
-  return static_cast<float>(erf_small(x));
-}
-
 double atan2(double y, double x) {
   const double ay = std::abs(y), ax = std::abs(x);
   if (ax != ax || ay != ay) return x + y;

@@ -28,15 +28,13 @@ float atanf(float x);
 float atan2f(float y, float x);  // atan2(+-0, x) as IEEE 754 recommends
 float expf(float x);
 float logf(float x);                                  // x > 0; -inf at 0, NaN below
-float powf(float x, float y);                         // x >= 0, NaN below
 double exp(double x);                                 // <= 2 ulp of double
 double log(double x);                                 // <= 2 ulp of double
 double pow(double x, double y);                       // x >= 0; relative error <= 1e-13 for results in range
 double atan2(double y, double x);                     // <= 4 ulp of double; signs as atan2f
 void sincos(double x, double& sine, double& cosine);  // |x| <= 1000: absolute errors <= 1e-15
 double srgb_to_linear(double v);                      // IEC 61966-2-1
-float erff(float x);
-float erfinvf(float x);  // +-inf at +-1, NaN beyond
+float erfinvf(float x);                               // +-inf at +-1, NaN beyond
 double erfcx(double x);  // exp(x^2) erfc(x) for x >= 0; relative error <= 1e-11 up to 11
 
 namespace detail {

@@ -34,11 +34,6 @@ double ChainRegularization::bandwidth(std::uint64_t mutation) const {
          std::max(math::pow(kGamma, static_cast<double>(mutation)), transport::kMinShare);
 }
 
-bool has_unsampled_paths(const scene::SceneFeatures& features, std::uint32_t max_depth,
-                         Connecting techniques) {
-  return why_not(features, max_depth, techniques).empty();
-}
-
 Regularization plan_regularization(const RegulariseSettings& settings, const scene::SceneFeatures& features,
                                    std::uint32_t max_depth, Connecting techniques, Plan& plan) {
   if (!settings.on()) return {};

@@ -78,10 +78,6 @@ class ChainRegularization {
   bool geometric_ = false;
 };
 
-// The scene has paths of at most max_depth edges that no technique in this list can sample.
-bool has_unsampled_paths(const scene::SceneFeatures& features, std::uint32_t max_depth,
-                         transport::Connecting techniques);
-
 // Decides, and says so in the plan. Says nothing if the settings have it off.
 Regularization plan_regularization(const RegulariseSettings& settings, const scene::SceneFeatures& features,
                                    std::uint32_t max_depth, transport::Connecting techniques, Plan& plan);

@@ -51,7 +51,7 @@ inline constexpr float kMinDensity = 1e-30f;
 //   C::traits()
 //   sample(c, wo, u_lobe, u, mode, out), eval_pdf(c, wo, wi, mode, pdf), passthrough(c, wo),
 //   eval_diffuse(c, wo, wi, mode, glossy_below)
-// of which the last three may be left out: eval_pdf and straight are then zero, and all of eval_pdf is
+// of which the last three may be left out: eval_pdf and passthrough are then zero, and all of eval_pdf is
 // diffuse. They mean what the members below do, for closures that are neither flipped nor black.
 class Closure {
  public:

@@ -12,7 +12,7 @@
 namespace candela::scene {
 namespace {
 
-// Of a box with more and more cubes in it: beyond that Embree's tree is about as fast.
+// Measured on a box with more and more cubes in it: beyond that Embree's tree is about as fast.
 constexpr std::size_t kMaxTriangleBlocks = 8;
 // Embree calls back for each round primitive, so that many of them pay.
 constexpr std::size_t kMaxRound = 32;

@@ -21,8 +21,8 @@ namespace candela::scene {
 
 class FewPrimitives {
  public:
-  // Of the scene itself, without its instances. Null if the scene has many round primitives, or none and many
-  // triangles. geometry: has to outlive this.
+  // Takes the scene itself, without its instances. Null if the scene has many round primitives, or none and
+  // many triangles. geometry: has to outlive this.
   static std::unique_ptr<FewPrimitives> build(const Geometry& geometry);
 
   // True: all that a ray can meet. False: the round primitives alone; others are the tree's.

@@ -137,7 +137,7 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
     work_step();
     CANDELA_TRY(builder.emitter(*emitter));
   }
-  impl.lights.finish(options.choose_emitters_by_power);
+  impl.lights.finish();
   if (const auto media = sensors[0]->children_of("medium"); !media.empty()) {
     CANDELA_ASSIGN(impl.camera_medium, impl.media.add(media[0], files));
   }
@@ -318,10 +318,6 @@ bool Scene::pdf_emission_environment(Vec3 d, EmissionDensity& out) const {
   return impl_->lights.pdf_emission_environment(d, out);
 }
 
-Spectrum Scene::emitter_power(std::uint32_t i) const {
-  return impl_->lights.power(i);
-}
-
 float Scene::prob_emission(std::uint32_t i) const {
   return impl_->lights.prob_emission(i);
 }
@@ -384,10 +380,6 @@ bool Scene::pdf_camera(const CameraSample& sampled, Vec3 seen_from, CameraDensit
     return true;
   }
   return impl_->sensor.density(seen_from, -sampled.wi, film_border, out);
-}
-
-bool Scene::intersect_camera(const Ray& ray, float& distance, CameraDensity& out, float film_border) const {
-  return !impl_->meter && impl_->sensor.intersect(ray, film_border, distance, out);
 }
 
 bool Scene::meets_camera(const Ray& ray, const SurfaceHit* next, float& distance, CameraDensity& out,

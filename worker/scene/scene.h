@@ -32,7 +32,6 @@ class Scene {
     unsigned build_threads = 1;
     std::uint32_t film_width = 1, film_height = 1;  // for the sensor's aspect
     std::optional<Crop> crop = {};                  // of a larger image; nothing: all of it
-    bool choose_emitters_by_power = false;  // for measurements: beyond a few, by power instead of the tree
     TextureLimits textures;
     // All hits have uv, dp_du and dp_dv, not those alone whose bsdfs read them. Tangent frames follow dp_du
     // then, so that samples of bsdfs differ.
@@ -103,9 +102,7 @@ class Scene {
   bool pdf_emission(const SurfaceHit& hit, Vec3 d, EmissionDensity& out) const;
   bool pdf_emission(const DirectSample& light, EmissionDensity& out) const;
   bool pdf_emission_environment(Vec3 d, EmissionDensity& out) const;
-  // Emitter i in [0, features().emitters) has this power in W (light from outside: onto the scene's bounding
-  // sphere), and the discrete probability with which sample_emission chooses it.
-  Spectrum emitter_power(std::uint32_t i) const;
+  // The discrete probability with which sample_emission chooses emitter i in [0, features().emitters).
   float prob_emission(std::uint32_t i) const;
 
   // A ray through film position (x, y) in pixels, (0, 0) the top left corner, between the clip planes.
@@ -137,11 +134,8 @@ class Scene {
   // The same of the ray from where sample_camera() put it to the point that it was seen from.
   bool pdf_camera(const CameraSample& sampled, Vec3 seen_from, CameraDensity& out,
                   float film_border = 0) const;
-  // A ray of light that meets a finite lens by itself: `distance` to the near plane. Whether a surface is in
-  // between is the caller's question. None of an irradiance meter.
-  bool intersect_camera(const Ray& ray, float& distance, CameraDensity& out, float film_border = 0) const;
-  // The same of a ray up to the surface that it meets next, if any. An irradiance meter is met at that
-  // surface.
+  // A ray of light that meets a finite lens by itself before the surface that it meets next, if any:
+  // `distance` to the near plane. An irradiance meter is met at that surface.
   bool meets_camera(const Ray& ray, const SurfaceHit* next, float& distance, CameraDensity& out,
                     float film_border = 0) const;
 

@@ -4,12 +4,12 @@ import {h, put} from './dom.js';
 import {commandLine} from './region.js';
 import {toLinear, toSrgb} from './tones.js';
 
-const kMost = 8;  // times: the right end of a slider; a field takes more
-const kMostFactor = 1e6;
+const kMax = 8;  // times: the right end of a slider; a field takes more
+const kMaxFactor = 1e6;
 const round = (v) => Number(v.toPrecision(6));
 // The middle of the slider is 1.
-const intensityAt = (p) => round(kMost * (p / 100) ** 3);
-const placeOf = (v) => 100 * Math.cbrt(Math.min(kMost, v) / kMost);
+const intensityAt = (p) => round(kMax * (p / 100) ** 3);
+const placeOf = (v) => 100 * Math.cbrt(Math.min(kMax, v) / kMax);
 const hexOf = (tint) => '#' + tint.map((v) => Math.round(255 * toSrgb(Math.min(1, v))).toString(16).padStart(2, '0')).join('');
 const tintOf = (hex) => [1, 3, 5].map((i) => round(toLinear(parseInt(hex.slice(i, i + 2), 16) / 255)));
 const white = () => [1, 1, 1];
@@ -27,7 +27,7 @@ export function parseMix(text, names) {
   if (!isObject(json)) throw new Error('The mix is no object.');
   for (const key of Object.keys(json)) if (key !== 'layers') fail(key, 'this key is not known');
   if (!isObject(json.layers)) fail('layers', 'it is no object');
-  const factor = (v, key) => (typeof v === 'number' && v >= 0 && v <= kMostFactor ? v : fail(key, `it is no number from 0 to ${kMostFactor}`));
+  const factor = (v, key) => (typeof v === 'number' && v >= 0 && v <= kMaxFactor ? v : fail(key, `it is no number from 0 to ${kMaxFactor}`));
   return new Map(Object.entries(json.layers).map(([name, layer]) => {
     const key = 'layers.' + name;
     if (!names.includes(name)) fail(key, 'this job has no such layer to mix');
@@ -85,7 +85,7 @@ export class Mix {
     });
     const number = h('input', {type: 'number', min: 0, step: 'any', inputmode: 'decimal', 'aria-label': 'Intensity of ' + name + ' as a number', onchange: () => {
       const v = Number(number.value);
-      if (number.value.trim() !== '' && v >= 0 && v <= kMostFactor) Object.assign(layer, {intensity: v, on: true});
+      if (number.value.trim() !== '' && v >= 0 && v <= kMaxFactor) Object.assign(layer, {intensity: v, on: true});
       change();
     }});
     const tint = h('input', {type: 'color', 'aria-label': 'Tint of ' + name, oninput: () => { layer.tint = tintOf(tint.value); layer.on = true; change(); }});

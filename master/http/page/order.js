@@ -5,7 +5,7 @@ import {progress} from './dom.js';
 // In the order of the list.
 export const kStates = ['failed', 'running', 'queued', 'paused', 'done', 'cancelled'];
 const kRank = Object.fromEntries(kStates.map((s, i) => [s, i]));
-const kMostFailed = 5;  // of the list as a whole: those that failed long ago must not hide what runs
+const kMaxFailed = 5;  // of the list as a whole: those that failed long ago must not hide what runs
 
 export const share = (j) => (j.frames ? j.fraction : j.state === 'done' ? 1 : progress(j));
 const ended = (j) => kRank[j.state] >= 4 || j.state === 'failed';
@@ -153,9 +153,9 @@ export function arrange(jobs, view, open = new Set()) {
   const {rows, unfolded} = fold(found, compare, open);
   let older = 0;
   const failed = rows.reduce((n, j) => n + (j.state === 'failed' ? 1 : 0), 0);
-  if (!view.sort && !view.states.length && !view.text && failed > kMostFailed) {
-    older = failed - kMostFailed;
-    rows.splice(kMostFailed, older);
+  if (!view.sort && !view.states.length && !view.text && failed > kMaxFailed) {
+    older = failed - kMaxFailed;
+    rows.splice(kMaxFailed, older);
   }
   return {shown: unfolded(rows), counts, older};
 }

@@ -1,7 +1,7 @@
 // Charts of the farm's day: samples a second, busy workers, hours in the queue.
 import {count, duration, figure, h, put} from './dom.js';
 
-const kWidth = 240, kHeight = 32, kDay = 86400e3, kLeast = 1800e3;
+const kWidth = 240, kHeight = 32, kDay = 86400e3, kMinSpan = 1800e3;
 const kPoints = 240;  // a chart has at most so many: each is the mean of its part of the day
 
 const hours = (s) => (s === null ? 'no worker' : s < 60 ? '0 min' : s < 3600 ? Math.round(s / 60) + ' min' : s < 3600 * 999.5 ? (s / 3600).toPrecision(s < 36000 ? 2 : 3) + ' h' : duration(s));
@@ -42,7 +42,7 @@ export class Throughput {
   jobs() {}
   draw() {
     if (!this.now) return;
-    const points = [...this.points, this.now], end = this.now[0], begin = Math.min(points[0][0], end - kLeast), span = end - begin;
+    const points = [...this.points, this.now], end = this.now[0], begin = Math.min(points[0][0], end - kMinSpan), span = end - begin;
     let chosen = this.now;
     if (this.at !== null) {
       const t = begin + this.at * span;

@@ -54,7 +54,7 @@ std::string csv_of(const std::vector<CoverageRow>& rows) {
   return out;
 }
 
-// Of the rows from `from` to `to` samples a pixel: "38 of 40 | 1.31".
+// Summary of the rows from `from` to `to` samples a pixel: "38 of 40 | 1.31".
 std::string cells(const std::vector<CoverageRow>& rows, std::uint64_t from, std::uint64_t to) {
   std::size_t count = 0, covered = 0;
   std::vector<double> uppers, estimates, own;

@@ -1,4 +1,4 @@
-// Whether the error that a job shows covers the error that its image has: `candela-bench coverage`.
+// Tells if the error that a job shows covers the error that its image has: `candela-bench coverage`.
 #pragma once
 
 #include <atomic>
@@ -29,7 +29,8 @@ struct CoverageRow {
   bool held_out = false;
   std::uint64_t seed = 0, spp = 0;
   double truth = 0;  // its relMSE
-  // Of the two halves of the reference: truth is known to a fraction of itself if this is small beside it.
+  // Difference of the two halves of the reference: truth is known to a fraction of itself if this is small
+  // beside it.
   double reference = 0;
   double relmse = 0, upper = 0, noise = 0, blur = 0;  // shown
   double by_own_image = 0;                            // the variance divided by the noisy image itself

@@ -82,7 +82,7 @@ void add(Cost& cost, const film::SampleCounts& sample_counts) {
       std::accumulate(sample_counts.rejected.begin(), sample_counts.rejected.end(), std::uint64_t{0});
 }
 
-// What both kinds of jobs are: units of two halves, whose films are encoded, decoded and merged as on a farm.
+// Both kinds of jobs are this: units of two halves, whose films are encoded, decoded and merged as on a farm.
 class RenderEstimator : public Estimator {
  public:
   RenderEstimator(std::unique_ptr<render::Renderer> renderer, const RunSpec& run)

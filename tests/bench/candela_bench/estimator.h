@@ -1,4 +1,4 @@
-// What is measured: an image that gets better with every unit, and what its units cost.
+// Measures an image that gets better with every unit, and what its units cost.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace candela::bench {
 
-// What all units so far took. Seconds are those of the calls that render, nothing else: no loading, merging,
+// Costs of all units so far. Seconds are those of the calls that render, nothing else: no loading, merging,
 // encoding, comparing.
 struct Cost {
   std::uint64_t units = 0;  // iterations, or segments of chains

@@ -40,13 +40,13 @@ class Reference {
   std::uint32_t height() const { return height_; }
   const std::vector<float>& rgb() const { return rgb_; }
   const std::optional<OwnError>& own_error() const { return own_; }
-  // Of all that figures depend on: size, values, standard errors.
+  // Digest of all that figures depend on: size, values, standard errors.
   const std::string& hash() const { return hash_; }
 
   // NaN for flip where the reference was made without. Precondition: as many values as the reference.
   Figures figures_of(std::span<const float> image) const;
 
-  // How many times larger the measured squared errors are than the reference's own: the least over relMSE,
+  // Factor by which the measured squared errors are larger than the reference's own: the least over relMSE,
   // its trimmed and its fixed form, and MSE. NaN where the reference's error is not known.
   double factor_of(const Figures& measured) const;
 

@@ -19,7 +19,7 @@ struct Plane {
   std::vector<float> values;
 };
 
-// What LDR-FLIP needs of one image at one exposure.
+// Parts of one image that LDR-FLIP needs at one exposure.
 struct FlipView {
   Plane lightness, a, b;  // Hunt-adjusted CIELAB after the contrast sensitivity filters
   Plane edges, points;    // magnitudes of the features

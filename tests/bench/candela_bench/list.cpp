@@ -363,7 +363,7 @@ Result<Work> prepare(const RunOptions& given) {
   if (work.runs.empty())
     return usage_error("there is nothing to run: no run of the list is for these scenes")
         .with_field("--scene");
-  // Where only some are in memory at a time: all variants of a scene and seed beside each other.
+  // If only some are in memory at a time: all variants of a scene and seed beside each other.
   std::stable_sort(work.runs.begin(), work.runs.end(), [](const RunSpec& a, const RunSpec& b) {
     return a.scene == b.scene && a.job.seed < b.job.seed;
   });

@@ -11,7 +11,7 @@
 namespace candela::bench {
 namespace {
 
-// What follows the colon in the first line that starts with `key`.
+// The text after the colon in the first line that starts with `key`.
 std::string field_of(const char* file, const std::string& key) {
   std::ifstream in(file);
   for (std::string line; std::getline(in, line);) {

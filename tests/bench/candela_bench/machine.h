@@ -14,7 +14,7 @@ struct Machine {
   std::string started;       // UTC, "2026-11-21T20:15:03Z"
   std::string compiler;
 };
-// What is not to be found out is empty or 0.
+// Unknown facts are empty or 0.
 Machine this_machine();
 
 }  // namespace candela::bench

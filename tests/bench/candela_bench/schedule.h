@@ -17,7 +17,7 @@ namespace candela::bench {
 
 // The points of equal-iteration runs: 1, 2, 4, ... and `last`, with `per_doubling` of them a doubling.
 std::vector<std::uint64_t> iteration_points(std::uint64_t last, int per_doubling);
-// Those of equal-time runs, seconds: first, 2 first, 4 first ... and `last`. A point is recorded at the end
+// Points of equal-time runs, seconds: first, 2 first, 4 first ... and `last`. A point is recorded at the end
 // of the first unit that ends at or after it.
 std::vector<double> time_points(double first, double last, int per_doubling);
 

@@ -1,4 +1,4 @@
-// What is to be run: which scene with which integrator, settings and seed, and for how long.
+// Runs to be made: which scene with which integrator, settings and seed, and for how long.
 #pragma once
 
 #include <cstdint>
@@ -46,7 +46,7 @@ struct Budget {
 // Measured over the reference's own squared error, from which on a row is good.
 inline constexpr double kReferenceFactor = 10;
 
-// What a list and the options of `run` say.
+// Content of a list and of the options of `run`.
 struct Work {
   std::vector<RunSpec> runs;
   Budget budget;

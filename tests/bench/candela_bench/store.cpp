@@ -87,7 +87,7 @@ Json row_json(const RunSpec& run, const Row& row, const Reference* reference) {
           {"command", command_of(run, row.cost.units, row.flip, row.least_factor)}};
 }
 
-// What row_json() wrote, but for what the run says itself.
+// The row that row_json() wrote, but for what the run says itself.
 Row row_of(const Json& json) {
   Row row;
   Cost& cost = row.cost;

@@ -31,13 +31,13 @@ struct Row {
   double least_factor = kReferenceFactor;  // by which `truth` was judged
 };
 
-// What a row's `truth` is by its factor; `unknown` where the reference's own error is.
+// A row's `truth` by its factor; `unknown` where the reference's own error is.
 std::string truth_of(double reference_factor, bool reference_error_known, double least);
 
 // Names of all columns, in the order of rows.csv.
 const std::vector<std::string>& columns();
 std::string csv_line(const std::vector<std::string>& cells);  // RFC 4180, with "\n"
-// Of a run, with or without the header.
+// Rows of a run, with or without the header.
 std::string csv_of(const RunSpec& run, const std::vector<Row>& rows, const Reference* reference, bool header);
 
 class Store {
@@ -54,7 +54,7 @@ class Store {
     std::vector<Row> rows;
     std::string state;  // as of the last row; empty: none, or not readable
   };
-  // What is there of the run; nothing if there is none.
+  // The rows of the run; nothing if there is none.
   Result<Kept> read(const RunSpec& run) const;
   // The rows of the run so far and, if not empty, the state that belongs to the last.
   Result<void> write(const RunSpec& run, const std::vector<Row>& rows, std::string_view state,

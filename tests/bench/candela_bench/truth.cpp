@@ -115,7 +115,7 @@ Result<std::string> combine(const TruthOptions& options, const Side& a, const Si
                             const statistical::Verdict& verdict) {
   const double va = statistical::relative_variance(a.moments()),
                vb = statistical::relative_variance(b.moments());
-  // Of an image without any variance (nothing to be seen) both are as good.
+  // For an image without any variance (nothing to be seen) both are as good.
   const double weight = va + vb > 0 ? vb / (va + vb) : 0.5;
   std::vector<float> rgb(a.moments().size()), deviation(rgb.size());
   for (std::size_t i = 0; i < rgb.size(); ++i) {

@@ -6,17 +6,17 @@
 namespace candela::study {
 namespace {
 
-// Of a point light of this intensity at (x0, 0, height) above the place (x, y).
+// For a point light of this intensity at (x0, 0, height) above the place (x, y).
 double of_point(double intensity, double x0, double height, double x, double y) {
   return intensity * height * std::pow((x - x0) * (x - x0) + y * y + height * height, -1.5);
 }
 
-// Of the spot that most scenes have.
+// For the spot that most scenes have.
 double of_spot(double x, double y) {
   return of_point(8, 0, 2, x, y);
 }
 
-// Whether x lies in a dark row (column) of parts/dip.png, whose 48 x 48 texels lie over [-1, 1]^2.
+// Tells if x lies in a dark row (column) of parts/dip.png, whose 48 x 48 texels lie over [-1, 1]^2.
 bool in_spot(double x) {
   const int texel = static_cast<int>(std::floor(24 * (x + 1))) % 12;
   return texel == 2 || texel == 9;

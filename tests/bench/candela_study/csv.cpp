@@ -16,7 +16,7 @@ std::string number(double value) {
   return std::isfinite(value) ? fmt::format("{:.9g}", value) : std::string();
 }
 
-// What a command prints; empty if it fails.
+// Output of a command; empty if it fails.
 std::string output_of(const std::string& command) {
   struct Close {
     int* status;

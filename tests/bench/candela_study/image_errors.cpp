@@ -38,7 +38,7 @@ ImageErrors errors_of(const std::vector<Image>& images, const Truth& truth) {
     errors.squared_error.add(squared);
     if (images.size() < 2) continue;
     errors.variance.add(product(image, mean, image, mean) / unit * seeds / (seeds - 1));
-    // Of this image with all others: seeds * (mean - R2) is the sum over all.
+    // Sum for this image with all others: seeds * (mean - R2) is the sum over all.
     const double with_all = seeds * product(image, truth.first, mean, truth.second) / unit;
     with_others.push_back((with_all - squared) / (seeds - 1));
   }

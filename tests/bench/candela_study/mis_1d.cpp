@@ -15,6 +15,7 @@
 #include "tests/bench/candela_study/mis_case.h"
 #include "tests/bench/candela_study/mis_regression.h"
 #include "tests/bench/candela_study/study.h"
+#include "tests/mis_estimators.h"
 #include "tests/mis_problems.h"
 #include "tests/statistical/moments.h"
 

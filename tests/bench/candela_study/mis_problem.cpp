@@ -33,7 +33,7 @@ MisError error_from(const Sums& sums, const Counts& counts) {
   return {(sums.second1 - sums.mean1 * sums.mean1) / counts.n1 + two / counts.n2, sums.bias};
 }
 
-// Where `excess` turns from negative to positive; it grows.
+// Place where `excess` turns from negative to positive; it grows.
 template <class Excess>
 double root(double low, double high, const Excess& excess) {
   for (int i = 0; i < 44; ++i) {

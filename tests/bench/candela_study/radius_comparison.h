@@ -22,10 +22,10 @@ struct RadiusComparison {
   std::vector<std::string> scenes = {};  // names; empty: all
 };
 
-// Of each scene and method, after 1/64, 1/8 and all of the iterations, relative to the mean of the picture:
-// "squared error", "variance", "squared bias" (two seeds or more); of integrators with epochs also what
-// the rule tells of the last state, its map of radii (from the first seed), and two shares of the pixels, by
-// the bias and the noise that N iterations of one radius have:
+// Errors of each scene and method, after 1/64, 1/8 and all of the iterations, relative to the mean of the
+// picture: "squared error", "variance", "squared bias" (two seeds or more); of integrators with epochs also
+// what the rule tells of the last state, its map of radii (from the first seed), and two shares of the
+// pixels, by the bias and the noise that N iterations of one radius have:
 //   "false positives"  the radius has shrunk, and a disc of twice the area (at most the first) would have a
 //                      bias below 1 standard error
 //   "false negatives"  the bias is above 3 standard errors

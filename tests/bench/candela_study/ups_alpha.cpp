@@ -158,7 +158,7 @@ Result<void> run_scene(const Request& request, Rows& rows) {
         const auto n = static_cast<double>(counts[k]);
         found.push_back(errors_of(images[k], truth, pattern));
         rows.add("torus", integrator, alpha, n, "squared error", found[k].squared_error);
-        // Of two seeds both have the same deviation from their mean: that says nothing of its error.
+        // With two seeds both have the same deviation from their mean: that says nothing of its error.
         if (request.seeds > 1)
           rows.add("torus", integrator, alpha, n, "variance", found[k].variance.mean(),
                    request.seeds > 2 ? found[k].variance.error() : kNone);

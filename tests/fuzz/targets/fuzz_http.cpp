@@ -56,7 +56,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     require(!name.empty() && name.find_first_of(":\n") == std::string::npos);
     require(value.find('\n') == std::string::npos);
   }
-  // What follows a request is not looked at.
+  // Bytes after a request are not looked at.
   require(same(whole, parse_request(text.substr(0, whole.bytes))));
   require(same(whole, parse_request(std::string(text.substr(0, whole.bytes)) + "GET / HTTP/1.1\r\n\r\n")));
   return 0;

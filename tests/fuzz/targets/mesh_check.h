@@ -1,4 +1,4 @@
-// What a loader promises of every mesh it returns.
+// Promises of a loader about every mesh it returns.
 #pragma once
 
 #include <cmath>

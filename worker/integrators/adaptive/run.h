@@ -15,11 +15,11 @@ Result<void> run_adaptive(const UnitContext& context, const Unit& unit, const Un
                           const MakeStatistics& statistics, UnitOutput& output, const RunContext& run) {
   CANDELA_ASSIGN(const std::string_view map, level_map(input, adaptation, context));
   CANDELA_ASSIGN(const double first, merging::decided_radius(input, options));
-  MappedScales<typename EyeEstimator::Mis> scales(
-      options.merge, adaptation.levels.radii(first), map, context,
-      static_cast<double>(merging::light_path_count(options.merge, context)), options.techniques);
-  return merging::run_iterations<EyeEstimator>(context, unit, options, scales, statistics(first), output,
-                                               run);
+  using Scales = MappedScales<typename EyeEstimator::Mis>;
+  Scales scales(options.merge, adaptation.levels.radii(first), map, context,
+                static_cast<double>(merging::light_path_count(options.merge, context)), options.techniques);
+  merging::PhotonMaps<EyeEstimator, Scales> light(context, options, scales);
+  return merging::run_iterations<EyeEstimator>(context, unit, options, light, statistics(first), output, run);
 }
 
 }  // namespace candela::integrators::adaptive

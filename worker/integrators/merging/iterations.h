@@ -3,13 +3,11 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
 #include "worker/estimators/merging_eye.h"
 #include "worker/integrators/eye_samples.h"
-#include "worker/integrators/merging/chosen_radius.h"
 #include "worker/integrators/merging/iteration_options.h"
-#include "worker/integrators/merging/light_pass.h"
+#include "worker/integrators/merging/photon_maps.h"
 #include "worker/integrators/merging/pixels_alone.h"
 #include "worker/integrators/merging/scales.h"
 
@@ -74,62 +72,23 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
       span);
 }
 
-// scales: see scales.h. statistics: what every eye path's statistics start as.
-template <class EyeEstimator, class Scales>
+// light: see PhotonMaps. statistics: what every eye path's statistics start as.
+template <class EyeEstimator, class Light>
 Result<void> run_iterations(const UnitContext& context, const Unit& unit, const IterationOptions& options,
-                            Scales& scales, const typename EyeEstimator::Statistics& statistics,
+                            Light& light, const typename EyeEstimator::Statistics& statistics,
                             UnitOutput& output, const RunContext& run) {
-  using Mis = typename EyeEstimator::Mis;
-  using Block = typename Mis::Block;
-  using Field = typename Scales::Field;
-  constexpr transport::EdgeContent kEdgeContent = EyeEstimator::EyeWalk::kContent;
-  const estimators::Techniques& techniques = options.techniques;
-  const std::uint64_t path_count = light_path_count(options.merge, context);
-  const auto paths = static_cast<double>(path_count);
-  const estimators::PathCounts counts{static_cast<double>(context.width) * context.height, paths,
-                                      static_cast<float>(context.filter.radius())};
-  const estimators::LightKeeping keeping{techniques.connect, techniques.merge_surface,
-                                         techniques.merge_medium, options.caustics_only,
-                                         EyeEstimator::Statistics::kCollects};
   const std::uint64_t phases = 2 * (unit.end - unit.begin);
-  LightChunks<Block> chunks;
-  transport::PhotonMap<Block> surface, medium;
-  estimators::EditedLight edits;
   for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
     const std::uint64_t phase = 2 * (index - unit.begin);
-    estimators::LightSide<Block, Field> side{
-        {}, chunks, path_count, scales.field(global_iteration(unit.half, index)), context.letters, &edits};
-    transport::MergeMaps<Block>& maps = side.maps;
-    maps.max_edges = options.paths.max_depth;
-    maps.per_path = static_cast<float>(1 / paths);
-    if constexpr (requires { EyeEstimator::max_density(context.scene); })
-      maps.max_density = EyeEstimator::max_density(context.scene);
-    if (techniques.light_paths) {
-      const transport::EtaOf<Field> eta{side.field};
-      const ProgressSpan span = progress_part(phase, phases);
-      if constexpr (EyeEstimator::kEdits)
-        CANDELA_TRY((run_edited_light_pass<kEdgeContent, Mis>(context, options.paths, techniques, counts,
-                                                              keeping, eta, unit.half, index, chunks, edits,
-                                                              *output.film, run, span)));
-      else
-        CANDELA_TRY(
-            (run_light_pass<kEdgeContent, Mis>(context, options.paths, techniques, counts, keeping, eta,
-                                               unit.half, index, chunks, *output.film, run, span)));
-    }
-    const SearchRadii radii = scales.search_radii(side.field);
-    if (techniques.merge_surface) {
-      CANDELA_TRY(build_photon_map(chunks, &estimators::LightStore<Block>::surface, radii.disc, run.threads,
-                                   surface));
-      maps.surface = &surface;
-    }
-    if (techniques.merge_medium) {
+    light.start(global_iteration(unit.half, index));
+    if (options.techniques.light_paths)
+      CANDELA_TRY(light.trace(unit.half, index, *output.film, run, progress_part(phase, phases)));
+    CANDELA_TRY(light.build(run.threads));
+    if (options.techniques.eye_paths)
       CANDELA_TRY(
-          build_photon_map(chunks, &estimators::LightStore<Block>::medium, radii.ball, run.threads, medium));
-      maps.medium = &medium;
-    }
-    if (techniques.eye_paths)
-      CANDELA_TRY((run_eye_pass<EyeEstimator>(context, options, counts, side, statistics, unit.half, index,
-                                              output, run, progress_part(phase + 1, phases))));
+          (run_eye_pass<EyeEstimator>(context, options, light.counts(), light.side(), statistics, unit.half,
+                                      index, output, run, progress_part(phase + 1, phases))));
+    light.finish();
   }
   return {};
 }
@@ -139,10 +98,11 @@ template <class EyeEstimator>
 Result<void> run_progressive(const UnitContext& context, const Unit& unit, const UnitInput& input,
                              const IterationOptions& options, UnitOutput& output, const RunContext& run) {
   CANDELA_ASSIGN(const double first, decided_radius(input, options));
-  const ProgressiveScales<typename EyeEstimator::Mis> scales(
-      options.merge, first, static_cast<double>(light_path_count(options.merge, context)),
-      options.techniques);
-  return run_iterations<EyeEstimator>(context, unit, options, scales, {}, output, run);
+  using Scales = const ProgressiveScales<typename EyeEstimator::Mis>;
+  Scales scales(options.merge, first, static_cast<double>(light_path_count(options.merge, context)),
+                options.techniques);
+  PhotonMaps<EyeEstimator, Scales> light(context, options, scales);
+  return run_iterations<EyeEstimator>(context, unit, options, light, {}, output, run);
 }
 
 }  // namespace candela::integrators::merging

@@ -13,7 +13,7 @@ constexpr double kMaxValueError = 1;  // of one value's squared error: outliers 
 }  // namespace
 
 std::vector<float> means_of_squares(std::span<const float> image, std::uint32_t width, std::uint32_t height) {
-  const std::uint32_t side = std::clamp(std::min(width, height) / kLeastSquares, 1U, kSquare);
+  const std::uint32_t side = std::clamp(std::min(width, height) / kMinSquares, 1U, kSquare);
   std::vector<float> means;
   for (std::uint32_t top = 0; top < height; top += side)
     for (std::uint32_t left = 0; left < width; left += side) {

@@ -18,9 +18,9 @@ struct Trial {
 };
 
 // The means of an image of three channels over squares of kSquare pixels a side, or less, so that the shorter
-// side of the image has kLeastSquares of them if it has as many pixels. At the right and below they may be
+// side of the image has kMinSquares of them if it has as many pixels. At the right and below they may be
 // smaller.
-inline constexpr std::uint32_t kSquare = 8, kLeastSquares = 4;
+inline constexpr std::uint32_t kSquare = 8, kMinSquares = 4;
 std::vector<float> means_of_squares(std::span<const float> image, std::uint32_t width, std::uint32_t height);
 
 // The squared error of one image of each trial, over the square of the truth and a hundredth of its mean's.

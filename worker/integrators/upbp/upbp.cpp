@@ -3,28 +3,21 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <limits>
 #include <optional>
 #include <string>
 #include <utility>
 
-#include "common/rng/stream.h"
 #include "worker/integrators/decision_bytes.h"
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/merging/chosen_radius.h"
 #include "worker/integrators/merging/first_radius.h"
 #include "worker/integrators/merging/iterations.h"
 #include "worker/integrators/pilot/trial_runs.h"
-#include "worker/integrators/upbp/hits.h"
-#include "worker/integrators/upbp/memory.h"
+#include "worker/integrators/upbp/beam_maps.h"
 #include "worker/integrators/upbp/rules.h"
-#include "worker/integrators/upbp/scales.h"
-#include "worker/integrators/upbp/stores.h"
-#include "worker/integrators/upbp/work_counts.h"
 #include "worker/integrators/vcm/plan.h"
 #include "worker/integrators/vcm/vcm.h"
-#include "worker/transport/radius.h"
 
 namespace candela::integrators {
 namespace {
@@ -64,23 +57,12 @@ class UpbpIntegrator final : public IterationIntegrator {
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run) const override {
     CANDELA_ASSIGN(const Decided decided, read_decision(input.state.decided));
-    Measured unread;
+    upbp::Measured unread;
     return run_variant(*variants_[decided.variant], decided.radius, decided.hits, context, unit, output, run,
                        unread);
   }
 
  private:
-  static constexpr EdgeContent kEdgeContent = EdgeContent::media;
-  using Mis = transport::BeamBalance;
-  using Field = transport::ConstantScale;
-  using Eye = estimators::VcmEye<kEdgeContent, Mis, Field, transport::NoStatistics, upbp::EyeBeams>;
-
-  // Sums over all iterations of a unit.
-  struct Measured {
-    upbp::WorkCounts work;
-    upbp::HitCounts hits;
-    upbp::Memory memory;
-  };
   // The decision that a job's units keep to.
   struct Decided {
     std::size_t variant = 0;  // the one chosen, or a refined one
@@ -100,109 +82,25 @@ class UpbpIntegrator final : public IterationIntegrator {
   // first: merging radius of the first iteration, of surfaces. hits: that weights expect.
   Result<void> run_variant(const Variant& variant, double first, const upbp::ExpectedHits& hits,
                            const UnitContext& context, const Unit& unit, UnitOutput& output,
-                           const RunContext& run, Measured& measured) const;
+                           const RunContext& run, upbp::Measured& measured) const;
 
   const std::vector<std::unique_ptr<Variant>> variants_;
   const std::string setting_;
   const bool has_pilot_;
 };
 
-upbp::BeamPaths beam_paths(const MediumRules& rules, const UnitContext& context, std::uint64_t iteration,
-                           std::uint64_t paths) {
-  if (rules.beam_paths == 0 || paths <= rules.beam_paths) return {};
-  const std::uint64_t stride = (paths + rules.beam_paths - 1) / rules.beam_paths;
-  rng::Stream place(rng::key(context.seed, 0x6265616d73ULL, iteration));  // "beams"
-  return {stride, place.next_u64() % stride};
-}
-
-// The expected number of those of an iteration.
+// The expected number of light paths of an iteration that leave beams.
 double beam_path_count(const MediumRules& rules, const UnitContext& context, std::uint64_t paths) {
-  return static_cast<double>(paths) / static_cast<double>(beam_paths(rules, context, 0, paths).stride);
+  return static_cast<double>(paths) /
+         static_cast<double>(upbp::beam_paths_of(rules, context, 0, paths).stride);
 }
 
 Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, const upbp::ExpectedHits& hits,
                                          const UnitContext& context, const Unit& unit, UnitOutput& output,
-                                         const RunContext& run, Measured& measured) const {
-  const MediumRules& rules = variant.rules.medium;
-  const merging::IterationOptions& iterations = variant.iterations;
-  const Techniques& techniques = iterations.techniques;
-  const std::uint64_t path_count = merging::light_path_count(iterations.merge, context);
-  const auto paths = static_cast<double>(path_count);
-  const std::uint32_t max_depth = options_.max_depth;
-  const std::uint64_t chunk_count = light_chunk_count(path_count), phases = 2 * (unit.end - unit.begin);
-  merging::LightChunks<transport::MisBlock> chunks(chunk_count);
-  std::vector<transport::BeamBuffer> beam_chunks(chunk_count);
-  transport::PhotonMap<transport::MisBlock> surface;
-  transport::PhotonPoints points;
-  transport::PhotonBeams beams;
-  for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
-    const std::uint64_t iteration = global_iteration(unit.half, index), phase = 2 * (index - unit.begin);
-    const upbp::BeamPaths beam_paths_now = beam_paths(rules, context, iteration, path_count);
-    const auto stride = static_cast<double>(beam_paths_now.stride);
-    const upbp::IterationScales scales = upbp::iteration_scales(
-        rules, iterations.merge, techniques, context.scene, first, iteration, paths, paths / stride, hits);
-    const std::vector<transport::MediumMerges>& eta = scales.eta;
-    upbp::SharedWork merge_work;
-    const estimators::PathCounts counts{static_cast<double>(context.width) * context.height, paths,
-                                        static_cast<float>(context.filter.radius()) *
-                                            std::max(context.camera_units.x, context.camera_units.y),
-                                        eta.data(), rules.connect_media};
-    transport::MediumMaps maps;
-    maps.kernels = scales.kernels;
-    maps.factors = estimators::mis_factors<Mis>(techniques, counts);
-    maps.per_path = static_cast<float>(1 / paths);
-    maps.paths_per_beam_path = static_cast<float>(stride);
-    maps.max_edges = max_depth;
-    upbp::BeamSide<transport::MisBlock, Field> side{
-        {{}, chunks, path_count, scales.surfaces, context.letters}, maps, merge_work};
-    side.maps.max_edges = max_depth;
-    side.maps.per_path = maps.per_path;
-
-    const auto store_of = [&](std::uint64_t chunk) {
-      chunks[chunk].keeping = {.vertices = techniques.connect,
-                               .surface_photons = techniques.merge_surface,
-                               .medium_photons = rules.points(),
-                               .survivals = rules.long_photon_beams};
-      chunks[chunk].clear();
-      beam_chunks[chunk].clear();
-      return upbp::BeamStore(chunks[chunk], beam_chunks[chunk], context.scene, eta.data(), rules.beams(),
-                             beam_paths_now, chunk * kLightChunk, max_depth - 1);
-    };
-    if (techniques.light_paths)
-      CANDELA_TRY((merging::trace_light_paths<kEdgeContent, Mis>(
-          context, options_, techniques, counts, transport::EtaOf<Field>{side.field}, unit.half, index,
-          store_of, *output.film, run, progress_part(phase, phases), iterations.technique_layers ? 1 : 0)));
-    if (techniques.merge_surface) {
-      CANDELA_TRY(merging::build_photon_map(chunks, &upbp::Photons::surface, side.field.scale.disc_radius,
-                                            run.threads, surface));
-      side.maps.surface = &surface;
-    }
-    if (rules.points()) {
-      std::vector<const transport::PhotonBuffer<transport::MisBlock>*> buffers;
-      for (const upbp::Photons& chunk : chunks) buffers.push_back(&chunk.medium);
-      // In a grid the weights of merges with photons ask for the hazards of photons, if beams are merged too.
-      const bool hazards = rules.beams() && context.scene.features().any_heterogeneous_medium;
-      const std::span<const float> balls(scales.ball_radii.data(), rules.pp3d ? scales.ball_radii.size() : 0);
-      CANDELA_TRY(
-          points.build(buffers, {balls, rules.pb2d, hazards ? &context.scene : nullptr}, run.threads));
-      maps.points = &points;
-      if (rules.pp3d) measured.work.searched += points.size();
-      if (rules.pb2d) measured.work.points += points.size();
-    }
-    if (rules.beams()) {
-      std::vector<const transport::BeamBuffer*> buffers;
-      for (const transport::BeamBuffer& chunk : beam_chunks) buffers.push_back(&chunk);
-      CANDELA_TRY(beams.build(buffers, scales.beam_radii, run.threads));
-      maps.beams = &beams;
-      measured.work.pieces += beams.pieces();
-    }
-    measured.memory.add(upbp::memory_of(chunks, beam_chunks, side.maps.surface, maps.points, maps.beams));
-    if (techniques.eye_paths)
-      CANDELA_TRY((merging::run_eye_pass<Eye>(context, iterations, counts, side, {}, unit.half, index, output,
-                                              run, progress_part(phase + 1, phases))));
-    measured.work.add(merge_work.sum());
-    measured.hits.add(merge_work.sum(), iteration);
-  }
+                                         const RunContext& run, upbp::Measured& measured) const {
+  upbp::BeamMaps light(context, variant.iterations, variant.rules.medium, first, hits, measured);
+  CANDELA_TRY(merging::run_iterations<upbp::BeamMaps::Eye>(context, unit, variant.iterations, light, {},
+                                                           output, run));
   measured.work.rays += output.film->sample_counts().rays;
   return {};
 }
@@ -229,7 +127,7 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
     const std::uint64_t paths = merging::light_path_count(merge, context),
                         few_paths = merging::light_path_count(merge, runs.context());
     const double density = static_cast<double>(paths) / static_cast<double>(few_paths);
-    Measured measured;
+    upbp::Measured measured;
     CANDELA_ASSIGN(pilot::Trial trial, runs.run([&](const UnitContext& small, const Unit& unit,
                                                     UnitOutput& output, const RunContext& quiet) {
       // A replicate expects the hits of those before it, the first one none.

@@ -6,7 +6,7 @@
 
 namespace candela::scene {
 
-void Lights::finish(bool choose_by_power) {
+void Lights::finish() {
   extent_.center = geometry_->bounds.center();
   extent_.radius = std::max(geometry_->bounds.radius(), 1e-12) * (1 + 1e-5);
   std::vector<double> powers;
@@ -17,8 +17,8 @@ void Lights::finish(bool choose_by_power) {
   uniform_ = UniformChooser(emitters_.size());
   draws_choice_ = emitters_.size() > 1 || (emitters_.size() == 1 && emitters_.reads_rest(0));
   if (emitters_.size() <= ImportanceChooser::kMaxEmitters) return by_importance_.finish();
-  adapted_ = choose_by_power ? Adapted::power : Adapted::tree;
-  if (!choose_by_power) by_tree_ = TreeChooser(emitters_, *geometry_, powers);
+  adapted_ = Adapted::tree;
+  by_tree_ = TreeChooser(emitters_, *geometry_, powers);
 }
 
 Spectrum Lights::environment(Vec3 d) const {
@@ -30,7 +30,7 @@ Spectrum Lights::environment(Vec3 d) const {
 template <class F>
 decltype(auto) Lights::with_chooser(LightTechnique technique, const F& f) const {
   if (technique == LightTechnique::uniform) return f(uniform_);
-  if (technique == LightTechnique::power || adapted_ == Adapted::power) return f(by_power_);
+  if (technique == LightTechnique::power) return f(by_power_);
   if (adapted_ == Adapted::tree) return f(by_tree_);
   return f(by_importance_);
 }
@@ -135,7 +135,7 @@ decltype(auto) Lights::with_chooser(LightTechnique technique, const LightGroup& 
     }
   };
   if (technique == LightTechnique::uniform) return f(among.uniform);
-  if (technique == LightTechnique::power || adapted_ == Adapted::power) return f(among.by_power);
+  if (technique == LightTechnique::power) return f(among.by_power);
   return f(Adaptive{*this, {among.members, among.node_weights}});
 }
 

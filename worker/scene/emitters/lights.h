@@ -46,8 +46,7 @@ class Lights {
   }
   std::uint32_t add(Emitter emitter) { return emitters_.add(std::move(emitter)); }
   // After the last add: distances and powers need the scene's extent.
-  // choose_by_power: no tree, for measurements against it.
-  void finish(bool choose_by_power = false);
+  void finish();
 
   std::size_t size() const { return emitters_.size(); }
   bool infinite(std::uint32_t emitter) const { return emitters_.infinite(emitter); }
@@ -129,7 +128,8 @@ class Lights {
   bool pdf_emission(const SurfaceHit& hit, Vec3 d, EmissionDensity& out) const;
   bool pdf_emission(const DirectSample& light, EmissionDensity& out) const;
   bool pdf_emission_environment(Vec3 to_light, EmissionDensity& out) const;
-  // Power in W, towards the scene; analytic where radiance does not vary, by a fixed quadrature otherwise.
+  // Power in W, towards the scene (light from outside: onto its bounding sphere); analytic where radiance
+  // does not vary, by a fixed quadrature otherwise.
   Spectrum power(std::uint32_t emitter) const { return emitters_.power(emitter, extent_); }
   // The discrete probability with which sample_emission chooses the emitter.
   float prob_emission(std::uint32_t emitter) const { return by_power_.prob(emitter); }
@@ -158,7 +158,7 @@ class Lights {
   EmitterSet emitters_;
   SceneExtent extent_;
   // The way in which the adapted technique chooses.
-  enum class Adapted : std::uint8_t { importance, tree, power } adapted_ = Adapted::importance;
+  enum class Adapted : std::uint8_t { importance, tree } adapted_ = Adapted::importance;
   bool draws_choice_ = false;  // sample() reads its first number
   ImportanceChooser by_importance_{emitters_};
   TreeChooser by_tree_;

@@ -42,7 +42,7 @@ bool RectangleSurface::spherical(Vec3 reference, Spherical& s) const {
   if (!(length_squared(reference - center_) < near_squared_)) return false;
   const Vec3d d = Vec3d(rectangle_.corner) - Vec3d(reference);
   s.z0 = dot(d, Vec3d(rectangle_.normal));
-  // In its plane the parametrisation degenerates; area sampling does not mind.
+  // In its plane the parameterization degenerates; area sampling does not mind.
   if (!(s.z0 < -1e-4 * std::max(length_u_, length_v_))) return false;
   s.x0 = dot(d, axis_u_);
   s.y0 = dot(d, axis_v_);

@@ -151,10 +151,6 @@ float Tracking::distance_to_end(const Ray& ray, double margin) const {
   return clip(origin, direction, margin, begin, end) ? static_cast<float>(end) : 0.0f;
 }
 
-double Tracking::max_thickness() const {
-  return grid_->longest_line() * static_cast<double>(maximum().max_component());
-}
-
 bool Tracking::collide(const Ray& ray, Spectrum channels, rng::Stream& stream, double& t, Spectrum& weight,
                        std::vector<FlightStep>* steps) const {
   weight = Spectrum(1);

@@ -51,8 +51,6 @@ class Tracking {
   // it misses the box.
   float distance_to_end(const Ray& ray, double margin) const;
   Spectrum maximum() const { return grid_->maximum() * scale_; }
-  // An upper bound of the optical thickness of the grid along any line.
-  double max_thickness() const;
 
  private:
   struct Cell {

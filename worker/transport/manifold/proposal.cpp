@@ -1,6 +1,5 @@
 #include "worker/transport/manifold/proposal.h"
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <utility>
@@ -31,10 +30,6 @@ double log_geometry(const Chain& chain) {
 }
 
 }  // namespace
-
-bool PreparedChain::any_specular() const {
-  return std::any_of(alphas.begin(), alphas.end(), [](double alpha) { return !(alpha > 0); });
-}
 
 std::optional<PreparedChain> prepare(Chain chain, std::vector<double> alphas, const Mat2& to_film,
                                      const StepRules& rules) {

@@ -32,8 +32,6 @@ struct PreparedChain {
   BlockTridiagonal jacobian;
   std::vector<Mat2> precisions;  // of vertices that are not specular
   bool from_sensor = false;      // of projections
-
-  bool any_specular() const;
 };
 
 // to_film: pixels per unit of the tangent coordinates of the last inner vertex. Nothing: the chain has no

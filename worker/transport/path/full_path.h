@@ -63,7 +63,7 @@ class Scaled {
   std::int64_t exponent_ = 0;
 };
 
-// Of a mollified vertex (mollified.h): the cone around its delta lobe opens towards this neighbor.
+// Neighbor of a mollified vertex (mollified.h) towards which the cone around its delta lobe opens.
 enum class Cone : std::uint8_t { none, towards_light, towards_eye };
 
 struct InnerVertex {

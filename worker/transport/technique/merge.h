@@ -208,7 +208,7 @@ class Gather {
   void prefetch(const ScatterPoint& v) const {
     if (const PhotonMap<Block>* map = maps_.map_for(v)) map->prefetch(v.hit.p, radius_for(v));
   }
-  // What it knows of edits. The vertex before has to be finished.
+  // Its state for edits. The vertex before has to be finished.
   Edits& edits() { return edits_; }
   // v is connectible. The one before has to be finished.
   void start(const Vertex<Block>& v) {
