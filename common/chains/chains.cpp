@@ -343,10 +343,7 @@ std::vector<std::uint64_t> BootstrapTable::choose_starts(std::uint32_t chains, s
 }
 
 int film_scale_log2(double b0, int pilot_scale_log2) {
-  // The film holds light that needs no chain, too, whose samples must not saturate it: chains that bring less
-  // than 2^-kMaxFiner of the image do not choose its scale.
-  constexpr int kMaxFiner = 16;
-  return b0 > 0 ? std::min(film::scale_log2_for(b0), pilot_scale_log2 + kMaxFiner) : pilot_scale_log2;
+  return b0 > 0 ? film::scale_log2_for(b0) : pilot_scale_log2;
 }
 
 Normalisation pool(const BootstrapTable& bootstrap, std::span<const ChainCounts> counts) {

@@ -114,7 +114,6 @@ void add_path_states(Sweep& sweep) {
   for (const char* mutation : {"bidirectional", "lens", "caustic", "multichain", "manifold", "half_vector"})
     all[mutation] = "0.5";
   sweep.claims.push_back({"mlt", all, 0});
-  sweep.claims.push_back({"erpt", all, 0});
 }
 
 std::vector<Quantity> uniform_quantities(std::uint32_t width, std::uint32_t height,

@@ -270,13 +270,6 @@ TEST(Bootstrap, PoolOfMollifiedPathsHasNoBias) {
   EXPECT_LT(variance / kSeeds, 1.1 * spread);
 }
 
-// Claim: light that needs no chain does not saturate the film, however dark that of the chains is.
-TEST(Bootstrap, ChainsOfLittleLightDoNotChooseTheScale) {
-  EXPECT_EQ(film_scale_log2(0.3, 21), film::scale_log2_for(0.3));
-  EXPECT_EQ(film_scale_log2(0, 21), 21);
-  EXPECT_EQ(film_scale_log2(1e-38, 21), 37);
-}
-
 // Claim: segments_in counts each chain's merged segments, as plain counting does, for random sets that grow
 // as a farm's do, and refuses a segment without the one before it.
 TEST(Segments, AreCountedPerChain) {
