@@ -245,10 +245,10 @@ void add_integrators(std::vector<PluginRule>& table) {
   table.push_back(
       integrator_rule(words::kMcppm, {}, "photon mapping with Metropolis chains of visible photons"));
   const std::string_view their_own = "use --set";
-  const std::vector<PropertyRule> chains = {ignored("luminance_samples", {integer}, their_own),
-                                            ignored("direct_samples", {integer}, their_own),
-                                            ignored("p_large", {number}, their_own),
-                                            ignored("two_stage", {boolean}, "0.6: the bootstrap is uniform")};
+  const std::vector<PropertyRule> chains = {
+      ignored("luminance_samples", {integer}, their_own), ignored("direct_samples", {integer}, their_own),
+      ignored("p_large", {number}, their_own),
+      flag("two_stage", "chains follow light over the brightness of the image (default false; mlt true)")};
   std::vector<PropertyRule> over = chains;
   over.push_back(ignored("bidirectional", {boolean}, "0.6: --set over=bdpt or over=path"));
   table.push_back(

@@ -1,7 +1,7 @@
 // Integrators of Markov chains beside path and bdpt: mutations (or samples) a CPU second, bytes of a chain's
 // state and of a pushed segment, and relMSE times CPU seconds against the references of SHARED. One thread,
-// CPU seconds (user) of rendering alone, the bootstrap's included; methods in turn for each seed, medians
-// over seeds.
+// CPU seconds (user) of rendering alone, those of pilot and bootstrap included; methods in turn for each
+// seed, medians over seeds.
 //
 //   bench_chains SHARED [--scenes A,B] [--methods A,B] [--seeds N] [--rounds N] [--set KEY=VALUE]
 // A method is a row's name, with - for a space. --rounds: of segments; iterations of erpt; iterations of the
@@ -20,7 +20,6 @@
 #include "common/stats/image_error.h"
 #include "tests/bench/count_argument.h"
 #include "tests/integrators.h"
-#include "tests/pilot_state.h"
 #include "tests/statistical/chain_driver.h"
 
 namespace {
@@ -109,17 +108,17 @@ Sample run_chains(Row& row, const TestScene& scene, std::uint64_t seed, std::uin
   return {{result.image.begin(), result.image.end()},
           static_cast<double>(all.mutations),
           result.segments_seconds,
-          result.segments_seconds + result.bootstrap_seconds};
+          result.segments_seconds + result.bootstrap_seconds + result.pilot_seconds};
 }
 
 Sample run_iterations(const TestScene& scene, std::uint64_t seed, std::uint64_t iterations) {
   TestScene seeded = scene;
   seeded.settings.seed = seed;
   const auto renderer = make_renderer(seeded);
-  const NamedState state = test::state_at(*renderer, pilot_state(scene).film_scale_log2);
+  const std::clock_t begin = std::clock();
+  const NamedState state = pilot_state(seeded);
   auto output = renderer->make_output(state);
   const auto& film = output.film;
-  const std::clock_t begin = std::clock();
   if (!renderer->run({Unit::Kind::iterations, 0, 0, iterations}, {state, {}, {}}, output, {}).ok())
     std::abort();
   const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;

@@ -35,17 +35,19 @@ ChainImage render_chains_now(const ChainJob& job, std::uint64_t seed) {
   const auto renderer = make_renderer(scene);
   render::RunContext run;
   run.threads = job.threads;
+  const double pilot_begin = cpu_seconds();
   const PilotResult pilot = value_of(renderer->pilot(run));
   if (!pilot.work.chains) throw std::runtime_error("not a job of chains");
   ChainImage result;
+  result.pilot_seconds = cpu_seconds() - pilot_begin;
   result.plan = *pilot.work.chains;
   result.width = scene.settings.width;
   result.height = scene.settings.height;
 
   render::UnitOutput bootstrap;
   const double begin = cpu_seconds();
-  if (const auto done =
-          renderer->run({Unit::Kind::bootstrap, 0, 0, result.plan.bootstrap_samples}, {}, bootstrap, run);
+  if (const auto done = renderer->run({Unit::Kind::bootstrap, 0, 0, result.plan.bootstrap_samples},
+                                      {pilot.state, {}, {}}, bootstrap, run);
       !done.ok())
     throw std::runtime_error(done.error().to_string());
   result.bootstrap_seconds = cpu_seconds() - begin;
@@ -56,7 +58,7 @@ ChainImage render_chains_now(const ChainJob& job, std::uint64_t seed) {
     throw std::runtime_error(inserted.error().to_string());
   result.b0 = table.normalisation();
   const auto starts = table.choose_starts(result.plan.chains, seed);
-  NamedState state;
+  NamedState state = pilot.state;
   state.bootstrap_b = result.b0.b * job.b0_factor;
   state.film_scale_log2 = chains::film_scale_log2(state.bootstrap_b, pilot.state.film_scale_log2);
 

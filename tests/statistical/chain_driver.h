@@ -27,7 +27,7 @@ struct ChainImage {
   std::vector<chains::ChainRecord> records;            // in the order of chains
   film::SampleCounts sample_counts;                    // of bootstrap and segments
   std::vector<std::int64_t> sums;                      // of the film
-  double bootstrap_seconds = 0, segments_seconds = 0;  // CPU, all threads
+  double pilot_seconds = 0, bootstrap_seconds = 0, segments_seconds = 0;  // CPU, all threads
 };
 
 // A refusal or an error throws.

@@ -95,6 +95,7 @@ TEST(MltSettings, Agree) {
   const TestScene lens = load("lens");
   expect_agreement("direct=chain", lens, {{"direct", "chain"}}, 201);
   expect_agreement("large_step=0", lens, {{"large_step", "0"}, {"chains", "512"}}, 205);
+  expect_agreement("two_stage=false", lens, {{"two_stage", "false"}}, 209);
   if (!long_form()) return;
   expect_agreement("large_step=1", lens, {{"large_step", "1"}}, 203);
   expect_agreement("max_depth=3", lens, {}, 207, {{"max_depth", "3"}});

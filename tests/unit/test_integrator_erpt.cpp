@@ -1,6 +1,7 @@
 // erpt unit by unit: what its pilot decides, what its plan says, and what it refuses.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 
 #include "tests/unit/renderer_fixture.h"
@@ -82,10 +83,16 @@ TEST(ErptPilot, ChoosesEnergyAndLength) {
   energies = choose_energies(statistics, settings, plan);
   EXPECT_DOUBLE_EQ(energies.energy, 0.5);
   EXPECT_EQ(energies.mutations, 7u);
-  const auto read = energies_of(to_bytes(energies));
-  ASSERT_TRUE(read.ok());
-  EXPECT_EQ(read->energy, energies.energy);
-  EXPECT_EQ(read->mutations, energies.mutations);
+  const mcmc::CoarseGrid grid(12, 8);
+  const mcmc::ImageImportance importance(grid, {0, 1, 2, 254, 128, 60});
+  for (const mcmc::ImageImportance& one : {mcmc::ImageImportance(), importance}) {
+    const auto read = decided_of(to_bytes({energies, one}), 12, 8);
+    ASSERT_TRUE(read.ok());
+    EXPECT_EQ(read->energies.energy, energies.energy);
+    EXPECT_EQ(read->energies.mutations, energies.mutations);
+    EXPECT_TRUE(std::ranges::equal(read->importance.levels(), one.levels()));
+  }
+  EXPECT_FALSE(decided_of(to_bytes({energies, importance}), 64, 64).ok()) << "of another film";
 }
 
 // Claim: seeds without light, and without variance, have an energy too; few lit seeds are told.

@@ -28,6 +28,8 @@ class DecisionReader {
   DecisionReader(std::string_view bytes, std::string_view kind);
   std::uint64_t count(std::uint64_t end);      // in [0, end)
   double real(double least, double greatest);  // of these, or between them
+  // True if bytes are left, and no number was missing or out of range.
+  bool more() const { return fault_.empty() && !rest_.empty(); }
   // Fails (input) unless all numbers were there, in their ranges, and no byte is left.
   Result<void> done() const;
 

@@ -87,7 +87,7 @@ bool run_mutations(Walker& walker, std::uint64_t mutations, const ChainRules& ru
                    const ChainOutlets& outlets, Deposit& deposit) {
   StateSpace& space = walker.space;
   SplatList& present = walker.present;
-  SplatList proposal;
+  SplatList proposal(present.importance());
   chains::ChainCounts& counts = walker.counts;
   const auto weigh = [&](double scalar) { return 1 / (scalar / rules.b0 + rules.prob_large); };
   double stays = 0;  // expected number of times that the present state was the next one, not yet on the film
@@ -161,7 +161,8 @@ bool run_mutations(Walker& walker, std::uint64_t mutations, const ChainRules& ru
 Result<void> run_segment(StateSpace& space, const ChainRules& rules, std::uint64_t chain,
                          const chains::ChainStart& start, const ChainOutlets& outlets,
                          chains::ChainRecord& record) {
-  Walker walker{space, {}, 0, rng::key(rules.seed, kChain, chain), start.record.counts};
+  Walker walker{space, SplatList(rules.importance), 0, rng::key(rules.seed, kChain, chain),
+                start.record.counts};
   record = start.record;
   if (record.segments == 0)
     space.start(bootstrap_key(rules.seed, start.bootstrap_sample), walker.present);

@@ -17,6 +17,9 @@ namespace {
 enum Purpose : std::uint64_t { technique, vertices, mutation_choice, mutation_draws };
 constexpr std::uint64_t kPathSpace = 0x70617468;  // "path"
 
+// Lengths whose probabilities are kept.
+constexpr std::uint32_t kUsualLengths = 16;
+
 static_assert(kMutationFailures == chains::kMutationFailures.size() + 1, "a cause has no name");
 
 MutatorContext noting(MutatorContext context, std::uint64_t& rays, transport::path::FoundSurfaces& found) {
@@ -38,6 +41,8 @@ PathSpace::PathSpace(const MutatorContext& context, std::span<const MutatorShare
       rules_(context_.rules()),
       lengths_(context.min_edges, std::max(context.min_edges, context.max_edges)),
       subpaths_(context_) {
+  for (std::uint32_t k = context.min_edges; k < context.min_edges + kUsualLengths; ++k)
+    if (k <= context.max_edges) log_prob_lengths_.push_back(math::log(lengths_.prob(k)));
   for (const MutatorShare& share : shares) {
     shares_.push_back(share.share);
     mutators_.push_back(share.entry->make(context_));
@@ -76,7 +81,10 @@ std::optional<PathSpace::State> PathSpace::independent(std::uint64_t key) const 
 std::optional<double> PathSpace::log_pdf_area(const PathState& path) const {
   const auto density = subpaths_.log_pdf_area(path, {});
   if (!density) return std::nullopt;
-  return *density + math::log(lengths_.prob(static_cast<std::uint32_t>(path.path.edge_count())));
+  const auto edges = static_cast<std::uint32_t>(path.path.edge_count());
+  const std::uint32_t longer = edges - context_.min_edges;
+  return *density +
+         (longer < log_prob_lengths_.size() ? log_prob_lengths_[longer] : math::log(lengths_.prob(edges)));
 }
 
 std::optional<PathSpace::State> PathSpace::state(Path path, const PathState* near) const {

@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "worker/core/inline_vector.h"
 #include "worker/mcmc/mutators/registry.h"
 #include "worker/mcmc/mutators/subpaths.h"
 #include "worker/mcmc/path_lengths.h"
@@ -58,8 +59,8 @@ class PathSpace final : public StateSpace {
  private:
   struct State {
     PathState path;
-    double log_density = 0;             // log p
-    std::vector<double> suitabilities;  // times shares, by mutation
+    double log_density = 0;                 // log p
+    InlineVector<double, 8> suitabilities;  // times shares, by mutation
     double suitability_sum = 0;
   };
   struct Technique {
@@ -80,6 +81,7 @@ class PathSpace final : public StateSpace {
   const transport::PathLetters* const letters_;
   transport::path::Rules rules_;
   PathLengths lengths_;
+  std::vector<double> log_prob_lengths_;  // of the shortest ones
   Subpaths subpaths_;
   std::vector<double> shares_;
   std::vector<std::unique_ptr<PathMutator>> mutators_;

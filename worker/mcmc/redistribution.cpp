@@ -15,7 +15,7 @@ ChainsOfSeed chains_of_seed(double scalar, const RedistributionRules& rules, dou
 
 bool redistribute(StateSpace& space, const SeedKeys& keys, const RedistributionRules& rules,
                   const ChainOutlets& outlets, Deposit& deposit, RedistributionCounts& counts) {
-  Walker walker{space, {}, 0, 0, {}};
+  Walker walker{space, SplatList(rules.importance), 0, 0, {}};
   space.start(keys.sample, walker.present);
   if (outlets.fault != nullptr && !walker.present.splats().empty()) {
     outlets.fault(keys.sample, &walker.present.editable()[0].value.r);

@@ -1,5 +1,5 @@
 // Contributions of one state of a chain to the image: colors at places on the film. Its scalar contribution,
-// which the chain follows, is the sum of their luminances.
+// which the chain follows, is the sum of their luminances, each times the importance of its place.
 #pragma once
 
 #include <algorithm>
@@ -10,6 +10,7 @@
 
 #include "common/film/counts.h"
 #include "worker/core/vec.h"
+#include "worker/mcmc/image_importance.h"
 #include "worker/transport/film_position.h"
 #include "worker/transport/letters/layer_sums.h"
 
@@ -22,6 +23,11 @@ struct Splat {
 
 class SplatList {
  public:
+  SplatList() = default;
+  // importance: null: 1 everywhere. It must outlive the list and its copies.
+  explicit SplatList(const ImageImportance* importance) : importance_(importance) {}
+  const ImageImportance* importance() const { return importance_; }
+
   void clear() {
     splats_.clear();
     parts_.clear();
@@ -34,7 +40,7 @@ class SplatList {
   bool add(transport::FilmPosition at, Spectrum value) {
     if (value.is_black()) return false;
     splats_.push_back({at, value});
-    scalar_ += static_cast<double>(luminance(value));
+    scalar_ += weighted(at, value);
     return true;
   }
   // The part of the splat that was added last that mollified paths have.
@@ -42,7 +48,7 @@ class SplatList {
     if (part.is_black()) return;
     mollified_.resize(splats_.size());
     mollified_.back() = part;
-    mollified_scalar_ += static_cast<double>(luminance(part));
+    mollified_scalar_ += weighted(splats_.back().at, part);
   }
   // The labels of the splat that was added last: of one path; of an eye path's contributions, whose prefixes
   // are `sums` times `scale`.
@@ -79,6 +85,12 @@ class SplatList {
   void sum_again();
 
  private:
+  double weighted(transport::FilmPosition at, const Spectrum& value) const {
+    const auto light = static_cast<double>(luminance(value));
+    return importance_ == nullptr ? light : light * importance_->at(at);
+  }
+
+  const ImageImportance* importance_ = nullptr;
   std::vector<Splat> splats_;
   std::vector<transport::LabelledSum> parts_;
   std::vector<std::uint32_t> ends_;  // of each splat's parts

@@ -13,10 +13,7 @@ namespace candela::integrators {
 
 class ChainIntegrator : public Integrator {
  public:
-  Result<Decision> decide(const UnitContext& context, const RunContext& /*run*/) const final {
-    CANDELA_TRY(check_scene(context.scene));
-    return Decision{{}, plan_};
-  }
+  Result<Decision> decide(const UnitContext& context, const RunContext& run) const final;
   WorkPlan work(FilmSize size, const NamedState& state) const final;
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run) const final;
@@ -45,12 +42,14 @@ class ChainIntegrator : public Integrator {
 
  private:
   ChainPlan chain_plan(FilmSize size) const;
-  Result<void> run_bootstrap(const UnitContext& context, const Unit& unit, UnitOutput& output,
+  Result<void> run_bootstrap(const UnitContext& context, const Unit& unit,
+                             const mcmc::ImageImportance& importance, UnitOutput& output,
                              const RunContext& run) const;
   // With b0 = 0 (nothing found) chains stand still, and only what needs no chain is added. Fails (input) if
   // a start cannot be one of this job and index.
   Result<void> run_segments(const UnitContext& context, const Unit& unit, const UnitInput& input,
-                            UnitOutput& output, const RunContext& run) const;
+                            const mcmc::ImageImportance& importance, UnitOutput& output,
+                            const RunContext& run) const;
 
   ChainSettings settings_;
   bool direct_by_path_ = false;

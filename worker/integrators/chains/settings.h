@@ -29,6 +29,7 @@ struct ChainSettings {
   double large_step = 0.3;
   Choice direct{"chain", {"chain", "path"}};
   int direct_samples = 16;
+  bool two_stage = false;
 
   // `of_space`: the settings of the chains' state space, which stand amid these.
   template <class Visitor, class OfSpace>
@@ -47,6 +48,10 @@ struct ChainSettings {
           "the chains render all");
     visit("direct_samples", direct_samples, 1, 1 << 16,
           "with direct=path: eye samples per pixel in one round");
+    visit(
+        "two_stage", two_stage,
+        "chains follow light over the brightness of the image, as a first stage finds it: dark parts of the "
+        "image get as many mutations as bright ones");
   }
 };
 // For chains that mollify what their estimator cannot sample.

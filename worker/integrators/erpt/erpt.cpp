@@ -11,6 +11,7 @@
 
 #include "worker/estimators/film_domain.h"
 #include "worker/estimators/path_dispatch.h"
+#include "worker/integrators/chains/first_stage.h"
 #include "worker/integrators/erpt/pilot.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
@@ -81,11 +82,18 @@ class ErptIntegrator final : public IterationIntegrator {
           .with_mend("use path, bdpt, pssmlt or mmlt");
     Decision decision{{}, plan()};
     if (!has_chains()) return decision;
+    const auto samples = static_cast<std::uint64_t>(settings_.bootstrap);
+    erpt::Decided decided;
+    if (settings_.two_stage) {
+      const estimators::PathOptions all = settings_.common.path_options();
+      CANDELA_ASSIGN(decided.importance, chain_jobs::first_stage(context, all, samples, decision.plan, run));
+    }
     CANDELA_ASSIGN(
         const erpt::SeedStatistics statistics,
         erpt::seed_statistics([&](film::SampleCounts& /*sample_counts*/) { return make_space(context, 0); },
-                              context.seed, static_cast<std::uint64_t>(settings_.bootstrap), run));
-    decision.bytes = erpt::to_bytes(erpt::choose_energies(statistics, settings_, decision.plan));
+                              context.seed, samples, run, used(decided.importance)));
+    decided.energies = erpt::choose_energies(statistics, settings_, decision.plan);
+    decision.bytes = erpt::to_bytes(decided);
     return decision;
   }
 
@@ -98,14 +106,19 @@ class ErptIntegrator final : public IterationIntegrator {
                    const RunContext& run) const override {
     film::UnitFilm& film = *output.film;
     if (has_chains()) {
-      CANDELA_ASSIGN(const erpt::Energies energies, erpt::energies_of(input.state.decided));
-      CANDELA_TRY(run_seeds(context, unit, energies, film, run));
+      CANDELA_ASSIGN(const erpt::Decided decided,
+                     erpt::decided_of(input.state.decided, context.width, context.height));
+      CANDELA_TRY(run_seeds(context, unit, decided, film, run));
     }
     return run_direct(context, unit, film, run);
   }
 
  private:
   bool has_chains() const { return longest_ >= shortest_; }
+  // Null: 1 everywhere.
+  static const mcmc::ImageImportance* used(const mcmc::ImageImportance& importance) {
+    return importance.even() ? nullptr : &importance;
+  }
 
   // Chains end with their iteration, and have its radius. [regularisation note, section 8]
   std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, std::uint64_t iteration) const {
@@ -117,13 +130,15 @@ class ErptIntegrator final : public IterationIntegrator {
         shares_);
   }
 
-  Result<void> run_seeds(const UnitContext& context, const Unit& unit, const erpt::Energies& energies,
+  Result<void> run_seeds(const UnitContext& context, const Unit& unit, const erpt::Decided& decided,
                          film::UnitFilm& film, const RunContext& run) const {
+    const erpt::Energies& energies = decided.energies;
     const double pixels = static_cast<double>(context.width) * context.height;
     const auto seeds = static_cast<std::uint64_t>(std::ceil(settings_.seeds * pixels));
     const std::uint64_t chunks = (seeds + kSeedChunk - 1) / kSeedChunk;
     const mcmc::RedistributionRules rules{energies.energy, energies.mutations,
-                                          static_cast<double>(settings_.max_chains)};
+                                          static_cast<double>(settings_.max_chains),
+                                          used(decided.importance)};
     const double factor = pixels / (static_cast<double>(energies.mutations) * static_cast<double>(seeds));
     const transport::Splatter splatter(context.filter, film, context.width, context.height);
     return for_each_task(

@@ -9,6 +9,7 @@
 
 #include "common/base/work_monitor.h"
 #include "common/rng/stream.h"
+#include "worker/integrators/chains/first_stage.h"
 #include "worker/integrators/decision_bytes.h"
 #include "worker/integrators/parallel_tasks.h"
 #include "worker/mcmc/chain.h"
@@ -31,7 +32,7 @@ double SeedStatistics::one_plus_variance() const {
 }
 
 Result<SeedStatistics> seed_statistics(const MakeSpace& make_space, std::uint64_t seed, std::uint64_t samples,
-                                       const RunContext& run) {
+                                       const RunContext& run, const mcmc::ImageImportance* importance) {
   std::vector<double> scalars(samples);
   film::UnitFilm no_film({1, 1, 1}, 0);  // only counts
   RunContext quiet = run;
@@ -40,7 +41,7 @@ Result<SeedStatistics> seed_statistics(const MakeSpace& make_space, std::uint64_
                             [&](std::uint64_t chunk, film::SampleCounts& sample_counts) {
                               work_step();
                               const auto space = make_space(sample_counts);
-                              mcmc::SplatList list;
+                              mcmc::SplatList list(importance);
                               const std::uint64_t from = chunk * kChunk;
                               for (std::uint64_t i = from; i < std::min(from + kChunk, samples); ++i) {
                                 if (run.stopped()) return;
@@ -87,20 +88,23 @@ Energies choose_energies(const SeedStatistics& statistics, const ErptSettings& s
   return result;
 }
 
-std::string to_bytes(const Energies& energies) {
+std::string to_bytes(const Decided& decided) {
   DecisionWriter out(kKind);
-  out.real(energies.energy);
-  out.count(energies.mutations);
+  out.real(decided.energies.energy);
+  out.count(decided.energies.mutations);
+  chain_jobs::write(decided.importance, out);
   return out.bytes();
 }
 
-Result<Energies> energies_of(std::string_view bytes) {
+Result<Decided> decided_of(std::string_view bytes, std::uint32_t width, std::uint32_t height) {
   DecisionReader in(bytes, kKind);
-  Energies result;
-  result.energy = in.real(std::numeric_limits<double>::min(), std::numeric_limits<double>::max());
-  result.mutations = in.count(kMaxLength + 1);
+  Decided result;
+  Energies& energies = result.energies;
+  energies.energy = in.real(std::numeric_limits<double>::min(), std::numeric_limits<double>::max());
+  energies.mutations = in.count(kMaxLength + 1);
+  result.importance = chain_jobs::read_importance(width, height, in);
   CANDELA_TRY(in.done());
-  result.mutations = std::max<std::uint64_t>(result.mutations, 1);
+  energies.mutations = std::max<std::uint64_t>(energies.mutations, 1);
   return result;
 }
 

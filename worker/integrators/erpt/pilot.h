@@ -8,6 +8,7 @@
 
 #include "worker/integrators/erpt/settings.h"
 #include "worker/integrators/integrator.h"
+#include "worker/mcmc/image_importance.h"
 #include "worker/mcmc/state_space.h"
 
 namespace candela::integrators::erpt {
@@ -24,9 +25,10 @@ struct SeedStatistics {
 
 using MakeSpace = std::function<std::unique_ptr<mcmc::StateSpace>(film::SampleCounts&)>;
 
-// Fails only if it is stopped.
+// importance: of the film; null: 1 everywhere. Fails only if it is stopped.
 Result<SeedStatistics> seed_statistics(const MakeSpace& make_space, std::uint64_t seed, std::uint64_t samples,
-                                       const RunContext& run);
+                                       const RunContext& run,
+                                       const mcmc::ImageImportance* importance = nullptr);
 
 struct Energies {
   double energy = 1;            // e_d
@@ -35,8 +37,13 @@ struct Energies {
 // The job's choice, and its line in the plan.
 Energies choose_energies(const SeedStatistics& statistics, const ErptSettings& settings, Plan& plan);
 
-// Bytes of the decision.
-std::string to_bytes(const Energies& energies);
-Result<Energies> energies_of(std::string_view bytes);
+// What the pilot decides.
+struct Decided {
+  Energies energies;
+  mcmc::ImageImportance importance;
+};
+std::string to_bytes(const Decided& decided);
+// Film size: of the job.
+Result<Decided> decided_of(std::string_view bytes, std::uint32_t width, std::uint32_t height);
 
 }  // namespace candela::integrators::erpt

@@ -40,6 +40,7 @@ struct ErptSettings {
   ErptMutations mutations;
   Choice direct{"path", {"chain", "path"}};
   int direct_samples = 1;
+  bool two_stage = true;
   RegulariseSettings regularise;
 
   template <class Visitor>
@@ -64,6 +65,9 @@ struct ErptSettings {
           "the chains render light after one bounce too");
     visit("direct_samples", direct_samples, 1, 1 << 10,
           "eye samples per pixel in an iteration, for what is left to path tracing");
+    visit("two_stage", two_stage,
+          "seeds and chains follow light over the brightness of the image, as a first stage finds it: dark "
+          "parts of the image get as many mutations as bright ones");
     regularise.fields(visit);
     common.plan_field(visit);
   }

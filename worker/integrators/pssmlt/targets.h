@@ -1,5 +1,5 @@
-// The estimators that pssmlt's chains follow, as functions of their random numbers: one path from the eye
-// through a place on the film that is a number too, and for bdpt one from the light.
+// The estimators that pssmlt's chains follow, as functions of their random numbers: path tracing through a
+// place on the film that is a number too, and bdpt (chains/bdpt_target.h).
 #pragma once
 
 #include <optional>
@@ -7,6 +7,7 @@
 #include "worker/estimators/edited_subpaths.h"
 #include "worker/estimators/list_sink.h"
 #include "worker/estimators/path_dispatch.h"
+#include "worker/integrators/chains/bdpt_target.h"
 #include "worker/integrators/integrator.h"
 #include "worker/mcmc/primary_space.h"
 
@@ -50,41 +51,6 @@ class PathTarget final : public mcmc::PrimaryTarget {
   std::optional<transport::EyeLetters> letters_;
 };
 
-// kMollifies: paths that no technique can sample are mollified, with this bandwidth. kEdits: as
-// Bidirectional.
-template <transport::EdgeContent kEdgeContent, bool kMollifies = false, bool kEdits = false>
-class BdptTarget final : public mcmc::PrimaryTarget {
- public:
-  BdptTarget(const UnitContext& context, const PathOptions& options, const Techniques& techniques,
-             film::SampleCounts& sample_counts, [[maybe_unused]] double bandwidth = 0)
-      : scene_(context.scene),
-        film_(context.filter, context.width, context.height),
-        sink_(film_),
-        light_paths_(techniques.light_paths),
-        estimator_(context.scene, options, techniques, one_of_each(film_), sink_, sample_counts,
-                   context.letters),
-        sample_counts_(sample_counts) {
-    if constexpr (kMollifies) estimator_.set_bandwidth(bandwidth);
-  }
-
-  void evaluate(mcmc::PrimaryState& numbers, mcmc::SplatList& out) override {
-    sink_.start(out);
-    if (light_paths_) estimator_.trace_light(numbers.walk(mcmc::PrimaryState::light));
-    mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
-    const FilmRay ray = film_ray(scene_, film_, eye);
-    ++sample_counts_.eye_samples;
-    estimator_.trace_eye(ray.ray, eye);
-    sink_.finish_eye(ray.at, ray.weight, estimator_.layer_sums());
-  }
-
- private:
-  const scene::Scene& scene_;
-  estimators::FilmDomain film_;
-  using Config = estimators::ListConfig<kEdgeContent, estimators::EveryTechnique, kMollifies, kEdits>;
-  typename Config::Sink sink_;
-  bool light_paths_;
-  estimators::Bidirectional<Config> estimator_;
-  film::SampleCounts& sample_counts_;
-};
+using chain_jobs::BdptTarget;
 
 }  // namespace candela::integrators::pssmlt

@@ -91,6 +91,12 @@ const BidirectionalMutator::Ranges& BidirectionalMutator::ranges(const PathState
 
 // Most states are proposals of other mutations, whose ranges nobody asks for.
 double BidirectionalMutator::suitability(const PathState& from) const {
+  const std::vector<PathVertex>& v = from.path.vertices;
+  const auto stays = [&](std::size_t i) { return !v[i].delta && !v[i].mollified; };
+  // An inner vertex of a usual path, with another one beside it, can be made anew.
+  if (const std::size_t k = v.size() - 1; k >= 3 && k >= context_.min_edges && k <= context_.max_edges)
+    for (std::size_t i = 1; i < k; ++i)
+      if (stays(i - 1) && stays(i + 1)) return 1;
   return any_range(from.path, [](const Subpaths::Kept&, std::size_t) { return true; }) ? 1 : 0;
 }
 

@@ -235,6 +235,16 @@ SurfaceGeometry surface_geometry(const Geometry& geometry, const CanonicalPoint&
   return out;
 }
 
+LocalSpot local_spot(const Geometry& geometry, const CanonicalPoint& point) {
+  if (kind_of(point) != PrimitiveKind::triangle) {
+    const SurfaceGeometry all = local_geometry(geometry, point);
+    return {all.p, all.ng};
+  }
+  const Triangle& t = geometry.triangles[point.primitive];
+  const Vec3d v0(t.v0), e1 = Vec3d(t.v1) - v0, e2 = Vec3d(t.v2) - v0;
+  return {v0 + e1 * point.u + e2 * point.v, normalize(cross(e1, e2))};
+}
+
 void set_place(const Geometry& geometry, Vec3d p, CanonicalPoint& point) {
   if (point.instance != kNone) p = geometry.instances[point.instance].to_world.inverse_point(p);
   set_local_place(geometry, p, point);

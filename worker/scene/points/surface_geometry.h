@@ -9,6 +9,12 @@ namespace candela::scene {
 // The surface at a point of `geometry`. Maps are not looked at.
 SurfaceGeometry surface_geometry(const Geometry& geometry, const CanonicalPoint& point);
 
+// Its place and outer normal alone, in the coordinates of the point's group: no instance is looked at.
+struct LocalSpot {
+  Vec3d p, ng;
+};
+LocalSpot local_spot(const Geometry& geometry, const CanonicalPoint& point);
+
 // Sets u and v to the place nearest to p, a point about on the primitive (in the world).
 void set_place(const Geometry& geometry, Vec3d p, CanonicalPoint& point);
 

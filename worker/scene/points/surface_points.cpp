@@ -76,9 +76,7 @@ SurfaceGeometry SurfacePoints::at(const CanonicalPoint& point) const {
 // A ray down onto the point, of which Geometry makes the hit by the arithmetic of all hits. It starts on a
 // triangle, and as far from a round surface as that is large.
 SurfaceHit SurfacePoints::hit(const CanonicalPoint& point) const {
-  CanonicalPoint own = point;
-  own.instance = kNone;
-  const SurfaceGeometry local = surface_geometry(geometry_, own);
+  const LocalSpot local = local_spot(geometry_, point);
   const auto kind = static_cast<PrimitiveKind>(point.kind);
   Vec3d out = local.ng;
   double height = 0;
