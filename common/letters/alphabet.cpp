@@ -148,9 +148,9 @@ Result<Alphabet> Alphabet::make(std::span<const Set> atoms, std::span<const std:
   Alphabet alphabet;
   alphabet.region_bits_ = static_cast<std::uint32_t>(regions.size());
   alphabet.region_mask_ = (1U << regions.size()) - 1;
-  // Surfaces and media may lack an object; a lamp has one.
+  // A surface may lack an object; a lamp has one, and so has a medium.
   const std::uint8_t unnamed =
-      uses.empty() ? kLampObject | kSurfaceObject | kMediumObject : kSurfaceObject | kMediumObject;
+      uses.empty() ? kLampObject | kSurfaceObject | kMediumObject : std::uint8_t{kSurfaceObject};
   std::vector<Kind> kinds{{Bits(patterns.size() / 64 + 1), unnamed, {}}};
   alphabet.kinds_ = sort_objects(objects, uses, patterns, kinds);
 

@@ -340,7 +340,7 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
     if (e.reads_letters()) e.eye_letters_->lit(e.sink_.sum(), v, e.towards_);
   }
   void connect_all(const EyeWalk& walk, const Vertex& v) {
-    const std::uint64_t passage = transport::passage_key<kEdgeContent>(walk.draws());
+    const std::uint64_t passage = transport::passage_key<kEdgeContent>(context, walk.draws());
     transport::Contribution found;
     for (std::uint32_t i = 0; i < e.light_.size(); ++i) {
       const Vertex& z = e.light_[i];

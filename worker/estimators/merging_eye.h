@@ -229,7 +229,7 @@ class VcmEye : public transport::EyeTechniques {
   }
   void connect_all(const EyeWalk& walk, const Vertex& v) {
     if (!loaded_) load(v);
-    const std::uint64_t passage = transport::passage_key<kEdgeContent>(walk.draws());
+    const std::uint64_t passage = transport::passage_key<kEdgeContent>(context_, walk.draws());
     transport::Contribution found;
     for (std::uint32_t i = 0; i < light_.size(); ++i) {
       const Vertex& z = light_[i];

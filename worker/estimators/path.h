@@ -208,21 +208,20 @@ class PathTracer {
       if constexpr (kEdits) value *= edits_->medium_share();
       return value;
     };
-    const auto token = [&](Vec3 /*wi*/, std::uint64_t /*key*/) {
-      return letters_->letters().in_medium(medium_, here.p);
+    const auto lit = [&](const scene::DirectSample& light) {
+      letters_->lit(sum_, medium_, here.p, {light.wi, light.emitter});
     };
     bool first = false;
     if constexpr (kFirst) {
       first = scatterings_ == 1;
-      if (first) sample_first(here, front_, eval_pdf);
+      if (first) sample_first(here, front_, eval_pdf, lit);
     }
-    if (!first && next_event_ && depth_ + 1 >= options_.min_edges)
-      sample_light(here, front_, eval_pdf, token);
+    if (!first && next_event_ && depth_ + 1 >= options_.min_edges) sample_light(here, front_, eval_pdf, lit);
     previous_pdf_solid_angle_ = at.sample(draw_2d(transport::path_block::kDirection), ray_.direction);
     previous_delta_ = false;
     if constexpr (kEdits) edits_->leave_medium();
     if (!first && !survives(true)) return false;
-    if constexpr (kLetters) letters_->step(token({}, 0));
+    if constexpr (kLetters) letters_->scattered(medium_, here.p);
     ray_ = {here.p, ray_.direction};
     ++depth_;
     if constexpr (kFirst) {
@@ -243,16 +242,16 @@ class PathTracer {
       // Not by SurfaceScattering: the whole tracer takes 0.7 % more instructions with it.
       return closure.eval_pdf(wo, hit.shading.to_local(wi), kMode, pdf_solid_angle);
     };
-    const auto token = [&](Vec3 wi, std::uint64_t key) {
-      return letters_->letters().by_lobes(hit, closure, -ray_.direction, wi, kMode, key);
+    const auto lit = [&](const scene::DirectSample& light) {
+      letters_->lit(sum_, hit, closure, -ray_.direction, {light.wi, light.emitter});
     };
     bool first = false;
     if constexpr (kFirst) {
       first = connectible && scatterings_ == 1;
-      if (first) sample_first(hit, side, eval_pdf);
+      if (first) sample_first(hit, side, eval_pdf, lit);
     }
     if (!first && next_event_ && connectible && depth_ + 1 >= options_.min_edges)
-      sample_light(hit, side, eval_pdf, token);
+      sample_light(hit, side, eval_pdf, lit);
     if constexpr (kMollifies) {
       if (closure.has_delta_lobes() && depth_ + 1 >= options_.min_edges)
         mollified_light(hit, transport::SurfaceScattering(hit, closure, -ray_.direction, wo));
@@ -273,9 +272,7 @@ class PathTracer {
     previous_delta_ = next.delta;
     previous_pdf_solid_angle_ = next.pdf_solid_angle;
     const Vec3 wi = hit.shading.to_world(next.wi);
-    if constexpr (kLetters)
-      letters_->step(next.delta ? letters_->letters().by_delta(hit, -ray_.direction, wi)
-                                : token(wi, letters_->next_key()));
+    if constexpr (kLetters) letters_->scattered(hit, closure, -ray_.direction, wi, next.delta);
     ray_ = spawn_ray(hit, wi);
     if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
     ++depth_;
@@ -293,9 +290,9 @@ class PathTracer {
   }
 
   // All techniques of direct light but the bsdf's, from the vertex `here`.
-  template <class EvalPdf>
-  [[gnu::always_inline]] void sample_first(const scene::SurfaceHit& here, Vec3 side,
-                                           const EvalPdf& eval_pdf) {
+  template <class EvalPdf, class Lit>
+  [[gnu::always_inline]] void sample_first(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf,
+                                           [[maybe_unused]] const Lit& lit) {
     using namespace transport;
     first_->reach(scene_.lights(), here.p);
     for (std::size_t i = 0; i < first_->light_draws(); ++i) {
@@ -321,8 +318,12 @@ class PathTracer {
         }
       }
       if (value.is_black() || light.delta) pdf_solid_angle = 0;
-      sum_ +=
+      const Spectrum found =
           first_->drawn(scene_, here, side, i, light, pdf_solid_angle, throughput_ * value * light.radiance);
+      sum_ += found;
+      if constexpr (kLetters) {
+        if (!found.is_black()) lit(light);
+      }
     }
   }
   void leave_first() {
@@ -330,20 +331,20 @@ class PathTracer {
     first_->leave(depth_);
   }
 
-  // Next event estimation from the vertex `here`, which scatters as eval_pdf(wi, pdf) says, and whose letter
-  // is token(wi, key).
-  template <class EvalPdf, class Token>
-  void sample_light(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf, const Token& token) {
+  // Next event estimation from the vertex `here`, which scatters as eval_pdf(wi, pdf) says. lit(light) labels
+  // what was added to the sum.
+  template <class EvalPdf, class Lit>
+  void sample_light(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf, const Lit& lit) {
     using namespace transport;
     if constexpr (kGroups) {
       if (groups_ != nullptr) [[unlikely]]
-        return sample_groups(here, side, eval_pdf, token);
+        return sample_groups(here, side, eval_pdf, lit);
     }
     scene::DirectSample light;
     const float u_emitter = chooses_emitter_ ? draw_1d(path_block::kEmitterChoice) : 0.0f;
     if (scene_.sample_direct(here, side, u_emitter, draw_2d(path_block::kEmitterPoint), light) ==
         scene::DirectOutcome::sampled)
-      add_drawn(here, light, block_, eval_pdf, token);
+      add_drawn(here, light, block_, eval_pdf, lit);
   }
   // Next event estimation of the delta lobes at `here`, mollified: a path whose last vertex before a light
   // that no ray meets is specular is found in no other way.
@@ -366,9 +367,9 @@ class PathTracer {
     mollified_.sum += throughput_ * value;
   }
 
-  template <class EvalPdf, class Token>
+  template <class EvalPdf, class Lit>
   [[gnu::noinline]] void sample_groups(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf,
-                                       const Token& token) {
+                                       const Lit& lit) {
     using namespace transport;
     std::uint32_t block = block_;
     for (std::size_t g = 0; g < groups_->size(); ++g, block += path_block::kNextGroup) {
@@ -377,14 +378,14 @@ class PathTracer {
       scene::DirectSample light;
       if (scene_.lights().sample(here, side, u_emitter, u, light, kChoice, (*groups_)[g],
                                  scene::PointSampler::own) == scene::DirectOutcome::sampled)
-        add_drawn(here, light, block, eval_pdf, token);
+        add_drawn(here, light, block, eval_pdf, lit);
     }
   }
   // Adds the light that a point on an emitter, drawn with numbers of the block, sends to `here`.
-  template <class EvalPdf, class Token>
+  template <class EvalPdf, class Lit>
   [[gnu::always_inline]] void add_drawn(const scene::SurfaceHit& here, const scene::DirectSample& light,
                                         std::uint32_t block, const EvalPdf& eval_pdf,
-                                        [[maybe_unused]] const Token& token) {
+                                        [[maybe_unused]] const Lit& lit) {
     float pdf_solid_angle = 0;
     if constexpr (kEdits) edits_->towards_lamp(light.emitter);
     Spectrum value = eval_pdf(light.wi, pdf_solid_angle);
@@ -394,10 +395,7 @@ class PathTracer {
     float weight = 1 / light.pdf_solid_angle;
     if (weighs_ && !light.delta) weight *= mis_weight(light.pdf_solid_angle, pdf_solid_angle, power_);
     sum_ += throughput_ * value * light.radiance * weight;
-    if constexpr (kLetters) {
-      const transport::ChannelClasses own = token(light.wi, letters_->next_key());
-      letters_->lit(sum_, own, letters_->letters().at_light(light.emitter, light.wi, letters_->next_key()));
-    }
+    if constexpr (kLetters) lit(light);
   }
 
   // Multiplies by what arrives of the light; black if nothing does.
@@ -428,8 +426,13 @@ class PathTracer {
     if (arriving.is_black()) return;
     if constexpr (kFirst) {
       if (depth_ == first_depth_) {
-        sum_ += first_->found(scene_.lights(), previous(), front_, ray_.direction, nullptr,
-                              previous_pdf_solid_angle_, previous_delta_, throughput_ * arriving);
+        const Spectrum found =
+            first_->found(scene_.lights(), previous(), front_, ray_.direction, nullptr,
+                          previous_pdf_solid_angle_, previous_delta_, throughput_ * arriving);
+        sum_ += found;
+        if constexpr (kLetters) {
+          if (!found.is_black()) letters_->met_outside(sum_, ray_.direction);
+        }
         return;
       }
     }
@@ -445,8 +448,13 @@ class PathTracer {
     if (emitted.is_black()) return;
     if constexpr (kFirst) {
       if (depth_ == first_depth_) {
-        sum_ += first_->found(scene_.lights(), previous(), front_, ray_.direction, &hit,
-                              previous_pdf_solid_angle_, previous_delta_, throughput_ * emitted);
+        const Spectrum found =
+            first_->found(scene_.lights(), previous(), front_, ray_.direction, &hit,
+                          previous_pdf_solid_angle_, previous_delta_, throughput_ * emitted);
+        sum_ += found;
+        if constexpr (kLetters) {
+          if (!found.is_black()) letters_->met(sum_, hit.emitter);
+        }
         return;
       }
     }

@@ -50,7 +50,7 @@ class Tracer {
     for (const transport::LabelledSum& sum : letters.sums().sums()) {
       const Spectrum part = sum.sum - before;
       before = sum.sum;
-      const auto matches = [&](std::size_t c) { return letters_.layer_bits(sum.labels.of[c]) != 0; };
+      const auto matches = [&](std::size_t c) { return letters_.layer_bits(sum.labels[c]) != 0; };
       chosen += Spectrum(matches(0) ? part.r : 0, matches(1) ? part.g : 0, matches(2) ? part.b : 0);
     }
     return chosen;

@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <utility>
-#include <vector>
 
 #include "common/rng/stream.h"
+#include "worker/mcmc/film_deposit.h"
 
 namespace candela::mcmc {
 namespace {
@@ -23,46 +22,6 @@ std::uint64_t purpose_key(std::uint64_t key, Purpose purpose) {
 
 // Mutations between two looks for a stop and reports of progress.
 constexpr std::uint64_t kGlance = 16;
-
-// Contributions of one chain to the film.
-class Splats final : public Deposit {
- public:
-  Splats(const ChainRules& rules, const ChainOutlets& outlets)
-      : outlets_(outlets), each_(rules.pixels / static_cast<double>(rules.segment_mutations)) {
-    if (outlets.letters != nullptr) units_.emplace(*outlets.letters);
-  }
-
-  void add(std::uint32_t layer, const SplatList& list, double weight, std::uint64_t key) override {
-    if (outlets_.film == nullptr || !(weight > 0)) return;
-    const double factor = weight * each_;
-    std::uint64_t i = 0;
-    for (const Splat& splat : list.splats()) {
-      const auto scaled = [&](const Spectrum& v) {
-        const auto one = [&](float x) { return static_cast<float>(static_cast<double>(x) * factor); };
-        return Spectrum{one(v.r), one(v.g), one(v.b)};
-      };
-      const std::uint64_t own_key = rng::combine(key, i);
-      const auto parts = list.parts(i++);
-      const bool kept =
-          outlets_.film->splat(layer, splat.at, scaled(splat.value), own_key, outlets_.sample_counts);
-      if (outlets_.mollified_layer != 0 && kept) {
-        if (const Spectrum part = list.mollified(i - 1); !part.is_black())
-          outlets_.film->splat(outlets_.mollified_layer + layer, splat.at, scaled(part), own_key,
-                               outlets_.sample_counts);
-      }
-      if (parts.empty() || !kept) continue;
-      scaled_.clear();
-      for (const transport::LabelledSum& part : parts) scaled_.push_back({scaled(part.sum), part.labels});
-      outlets_.film->splat_parts(*units_, layer * units_->layer_count(), scaled_, splat.at, own_key);
-    }
-  }
-
- private:
-  const ChainOutlets& outlets_;
-  double each_;
-  std::optional<transport::LayerUnits> units_;
-  std::vector<transport::LabelledSum> scaled_;
-};
 
 // The mollified part of what a state adds, of [0, 1].
 double mollified_share(const SplatList& list) {
@@ -179,7 +138,7 @@ Result<void> run_segment(StateSpace& space, const ChainRules& rules, std::uint64
     if (record.segments == 0) walker.counts.mollified = {mollified_share(walker.present), 0, 0, 0, 0, 0};
     if (vanished && walker.counts.mollified) ++walker.counts.mollified->lost;
   }
-  Splats splats(rules, outlets);
+  FilmDeposit splats(outlets, rules.pixels / static_cast<double>(rules.segment_mutations));
   space.take_counts();  // of another chain
   if (!run_mutations(walker, rules.segment_mutations, rules, outlets, splats)) return {};
   record.counts = walker.counts;

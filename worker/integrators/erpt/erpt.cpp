@@ -16,6 +16,7 @@
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/path/plan.h"
+#include "worker/mcmc/film_deposit.h"
 #include "worker/mcmc/path_space.h"
 #include "worker/mcmc/redistribution.h"
 
@@ -27,46 +28,17 @@ constexpr std::uint32_t kLongest = 1000;
 constexpr std::uint64_t kSeedChunk = 64;                 // of one task
 constexpr std::uint64_t kSeeds = 0x6572707473656564ULL;  // "erptseed"
 enum Purpose : std::uint64_t { sample, rounding, chains };
-
-// Deposits of one iteration.
-class FilmDeposit final : public mcmc::Deposit {
- public:
-  // factor: pixels / (M N). layer: the film has one of mollified light, 1.
-  FilmDeposit(const transport::Splatter& film, double factor, bool layer, film::SampleCounts& sample_counts)
-      : film_(film), factor_(factor), layer_(layer), sample_counts_(sample_counts) {}
-
-  void add(std::uint32_t /*layer*/, const mcmc::SplatList& list, double weight, std::uint64_t key) override {
-    if (!(weight > 0)) return;
-    const double scale = weight * factor_;
-    std::uint64_t i = 0;
-    for (const mcmc::Splat& splat : list.splats()) {
-      const auto put = [&](std::uint32_t to, const Spectrum& value) {
-        const auto scaled = [&](float x) { return static_cast<float>(static_cast<double>(x) * scale); };
-        film_.splat(to, splat.at, {scaled(value.r), scaled(value.g), scaled(value.b)}, rng::combine(key, i),
-                    sample_counts_);
-      };
-      put(0, splat.value);
-      if (const Spectrum part = list.mollified(i); layer_ && !part.is_black()) put(1, part);
-      ++i;
-    }
-  }
-
- private:
-  const transport::Splatter& film_;
-  double factor_;
-  bool layer_;
-  film::SampleCounts& sample_counts_;
-};
+constexpr std::uint32_t kMollifiedAt = 1;  // the layer of the film
 
 class ErptIntegrator final : public IterationIntegrator {
  public:
   ErptIntegrator(const ErptSettings& settings, const estimators::PathOptions& direct_options, Planned direct,
-                 std::uint32_t longest, const Regularization& regularization, Plan plan)
+                 std::uint32_t longest, const Regularization& regularization, bool letters, Plan plan)
       : IterationIntegrator(settings.common.path_options(), Planned{{}, direct.between, std::move(plan)}),
         settings_(settings),
         direct_options_(direct_options),
         direct_(std::move(direct)),
-        radiance_(estimators::path_radiance_for<samplers::Sampler>(direct_.between, false)),
+        radiance_(estimators::path_radiance_for<samplers::Sampler>(direct_.between, letters)),
         shortest_(direct_options.max_depth + 1),
         longest_(longest),
         regularization_(regularization),
@@ -88,10 +60,10 @@ class ErptIntegrator final : public IterationIntegrator {
       const estimators::PathOptions all = settings_.common.path_options();
       CANDELA_ASSIGN(decided.importance, chain_jobs::first_stage(context, all, samples, decision.plan, run));
     }
-    CANDELA_ASSIGN(
-        const erpt::SeedStatistics statistics,
-        erpt::seed_statistics([&](film::SampleCounts& /*sample_counts*/) { return make_space(context, 0); },
-                              context.seed, samples, run, used(decided.importance)));
+    CANDELA_ASSIGN(const erpt::SeedStatistics statistics,
+                   erpt::seed_statistics(
+                       [&](film::SampleCounts& /*sample_counts*/) { return make_space(context, 0, nullptr); },
+                       context.seed, samples, run, used(decided.importance)));
     decided.energies = erpt::choose_energies(statistics, settings_, decision.plan);
     decision.bytes = erpt::to_bytes(decided);
     return decision;
@@ -121,13 +93,14 @@ class ErptIntegrator final : public IterationIntegrator {
   }
 
   // Chains end with their iteration, and have its radius. [regularisation note, section 8]
-  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, std::uint64_t iteration) const {
+  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, std::uint64_t iteration,
+                                               const transport::PathLetters* letters) const {
     const estimators::FilmDomain film(context.filter, context.width, context.height);
     return std::make_unique<mcmc::PathSpace>(
         mcmc::MutatorContext{context.scene, static_cast<double>(context.width),
                              static_cast<double>(context.height), film.border(), shortest_, longest_,
                              regularization_.runs() ? regularization_.bandwidth(iteration) : 0},
-        shares_);
+        shares_, letters);
   }
 
   Result<void> run_seeds(const UnitContext& context, const Unit& unit, const erpt::Decided& decided,
@@ -145,9 +118,15 @@ class ErptIntegrator final : public IterationIntegrator {
         chunks * (unit.end - unit.begin), film, run,
         [&](std::uint64_t task, film::SampleCounts& sample_counts) {
           const std::uint64_t index = unit.begin + task / chunks, from = task % chunks * kSeedChunk;
-          const auto space = make_space(context, global_iteration(unit.half, index));
-          const mcmc::ChainOutlets outlets{&splatter, sample_counts, run.stop, nullptr, run.fault, nullptr};
-          FilmDeposit deposit(splatter, factor, regularization_.layer(), sample_counts);
+          const auto space = make_space(context, global_iteration(unit.half, index), context.letters);
+          const mcmc::ChainOutlets outlets{&splatter,
+                                           sample_counts,
+                                           run.stop,
+                                           nullptr,
+                                           run.fault,
+                                           context.letters,
+                                           regularization_.layer() ? kMollifiedAt : 0};
+          mcmc::FilmDeposit deposit(outlets, factor);
           mcmc::RedistributionCounts counts;
           for (std::uint64_t j = from; j < std::min(from + kSeedChunk, seeds); ++j) {
             if (run.stopped()) return;
@@ -173,10 +152,13 @@ class ErptIntegrator final : public IterationIntegrator {
     const float weight = 1 / static_cast<float>(samples);
     return run_eye_samples(context, of_samples, film, quiet,
                            [&](const Ray& ray, samplers::Sampler& sampler, film::SampleCounts& sample_counts,
-                               transport::EyeLetters* /*letters*/) {
-                             return radiance_(context.scene, direct_options_, direct_.techniques, ray,
-                                              sampler, sample_counts, nullptr, nullptr) *
-                                    weight;
+                               transport::EyeLetters* letters) {
+                             const Spectrum value =
+                                 radiance_(context.scene, direct_options_, direct_.techniques, ray, sampler,
+                                           sample_counts, nullptr, letters) *
+                                 weight;
+                             if (letters != nullptr) letters->sums().scale(weight);
+                             return value;
                            });
   }
 
@@ -231,9 +213,6 @@ Result<std::unique_ptr<Integrator>> make_erpt_integrator(const SettingsMap& sett
   if (features.media > 0)
     return refuse("erpt knows no media, and the scene has some", "integrator",
                   "use bdpt, upbp, pssmlt or mmlt");
-  if (features.reads_letters)
-    return refuse("erpt has no layers by light path expressions", "layers",
-                  "use bdpt, pssmlt, mmlt or mlt, or leave out the expressions");
   if (!features.edits.empty())
     return refuse("erpt does not render edits: " + features.edits.front(), "integrator",
                   "use bdpt, pssmlt or mmlt, or leave out the edits");
@@ -264,8 +243,9 @@ Result<std::unique_ptr<Integrator>> make_erpt_integrator(const SettingsMap& sett
   if (regularization.runs() && bounce)
     return refuse("the path tracing of direct=path finds nothing that is mollified", "direct",
                   "give direct=chain, or regularise=off");
-  return std::unique_ptr<Integrator>(std::make_unique<ErptIntegrator>(
-      parsed, direct_options, std::move(direct), longest, regularization, std::move(plan)));
+  return std::unique_ptr<Integrator>(
+      std::make_unique<ErptIntegrator>(parsed, direct_options, std::move(direct), longest, regularization,
+                                       features.reads_letters, std::move(plan)));
 }
 
 }  // namespace candela::integrators

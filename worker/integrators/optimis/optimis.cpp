@@ -7,6 +7,7 @@
 #include <cmath>
 #include <optional>
 #include <span>
+#include <type_traits>
 
 #include "common/base/work_monitor.h"
 #include "common/film/accumulator_add.h"
@@ -17,7 +18,8 @@
 #include "common/stages/epoch_corrections.h"
 #include "common/stages/epochs.h"
 #include "common/stages/light_visibility.h"
-#include "worker/estimators/path.h"
+#include "worker/estimators/first_vertex_letters.h"
+#include "worker/estimators/path_dispatch.h"
 #include "worker/integrators/decision_bytes.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
@@ -65,6 +67,24 @@ class OptimisIntegrator final : public IterationIntegrator {
       });
     });
   }
+  // The same for jobs with layers by expressions: trace(ray, sampler, sample_counts, first, letters).
+  template <class F>
+  auto with_lettered_tracer(const UnitContext& context, const F& f) const {
+    const auto plain = estimators::path_radiance_with_letters<samplers::Sampler>(planned_.between);
+    const auto with_first = estimators::first_vertex_with_letters(planned_.between);
+    return f([&, plain, with_first](const Ray& ray, samplers::Sampler& sampler,
+                                    film::SampleCounts& sample_counts, estimators::FirstVertex& first,
+                                    transport::EyeLetters& letters) {
+      if (setup_.techniques() == 0)
+        return plain(context.scene, options_, planned_.techniques, ray, sampler, sample_counts, nullptr,
+                     &letters);
+      return with_first(context.scene, planned_.techniques, ray, sampler, sample_counts, first, letters);
+    });
+  }
+  template <class Trace>
+  static constexpr bool kLettered =
+      std::is_invocable_v<const Trace&, const Ray&, samplers::Sampler&, film::SampleCounts&,
+                          estimators::FirstVertex&, transport::EyeLetters&>;
 
  public:
   OptimisIntegrator(const OptimisSettings& settings, const estimators::PathOptions& options,
@@ -138,7 +158,7 @@ class OptimisIntegrator final : public IterationIntegrator {
       if (!weights.empty()) lights.emplace(context.scene.lights().extent(), layout, weights);
     }
     const std::optional<scene::LightGroups> groups = light_groups(context);
-    return with_tracer(context, [&](const auto& trace) {
+    const auto run_all = [&]<class Trace>(const Trace& trace) {
       // Slopes and light weights of an epoch are from earlier ones: they have to be independent. One half's
       // samples of all epochs are one sequence of the sampler, those of different words are not.
       const std::uint32_t word =
@@ -149,8 +169,12 @@ class OptimisIntegrator final : public IterationIntegrator {
                              samplers::Sampler sampler(context.sampler, context.seed);
                              estimators::FirstVertex first(how.setup, options_, lights ? &*lights : nullptr,
                                                            groups ? &*groups : nullptr);
-                             const Iteration iteration{context, unit,          how,     word,  run,
-                                                       output,  sample_counts, sampler, first, layout};
+                             std::optional<transport::EyeLetters> letters;
+                             if constexpr (kLettered<Trace>) letters.emplace(*context.letters);
+                             const Iteration iteration{
+                                 context, unit,          how,     word,  run,
+                                 output,  sample_counts, sampler, first, letters ? &*letters : nullptr,
+                                 layout};
                              for (std::uint32_t y = y0; y < y1; ++y) {
                                for (std::uint32_t x = x0; x < x1; ++x) {
                                  const Place at = place(output, x, y);
@@ -158,11 +182,15 @@ class OptimisIntegrator final : public IterationIntegrator {
                                    if (run.stopped()) return;
                                    render(iteration, trace, index, at);
                                  }
+                                 if constexpr (kLettered<Trace>)
+                                   letters->sums().write_gathered(*output.film, x, y);
                                  sample_counts.eye_samples += unit.end - unit.begin;
                                }
                              }
                            });
-    });
+    };
+    return context.letters != nullptr ? with_lettered_tracer(context, run_all)
+                                      : with_tracer(context, run_all);
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
@@ -263,6 +291,7 @@ class OptimisIntegrator final : public IterationIntegrator {
     film::SampleCounts& sample_counts;
     samplers::Sampler& sampler;
     estimators::FirstVertex& first;
+    transport::EyeLetters* letters;          // of traces with letters
     const light_visibility::Layout& layout;  // of the light weights
   };
 
@@ -277,12 +306,22 @@ class OptimisIntegrator final : public IterationIntegrator {
     i.sampler.start(i.sequence, index, x, y);
     const EyeRay eye = eye_ray(i.context, x, y, i.sampler);
     i.first.start();
-    Spectrum light = trace(eye.ray, i.sampler, i.sample_counts, i.first) * eye.weight;
     const std::uint64_t key = i.sampler.sample_key();
+    Spectrum light = [&] {
+      if constexpr (kLettered<Trace>) {
+        i.letters->begin(key, eye.ray);
+        return trace(eye.ray, i.sampler, i.sample_counts, i.first, *i.letters);
+      } else {
+        return trace(eye.ray, i.sampler, i.sample_counts, i.first);
+      }
+    }() * eye.weight;
     if (i.run.fault != nullptr) i.run.fault(key, &light.r);
     const bool signed_values = i.context.filter.has_negative_lobes();
     const bool kept =
         i.output.film->add(0, x, y, {light.r, light.g, light.b}, key, i.sample_counts, signed_values);
+    if constexpr (kLettered<Trace>) {
+      if (kept) i.letters->sums().gather(*i.output.film, eye.weight, key);
+    }
     if (!i.first.reached()) return;
     tally_visibility(i, key);
     // Samples that the film rejected count as zero.
@@ -414,11 +453,6 @@ Result<std::unique_ptr<Integrator>> make_optimis_integrator(const SettingsMap& s
                                                             const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const OptimisSettings parsed, parse_settings<OptimisSettings>(settings));
   CANDELA_TRY(check(parsed));
-  if (features.reads_letters)
-    return usage_error(
-               "optimis makes its image of sums over all iterations, which have no layers by expression")
-        .with_field("layers")
-        .with_mend("integrator=path has them");
   estimators::PathOptions options = parsed.common.path_options();
   options.heuristic = transport::MisHeuristic::power;  // of later vertices: the path tracer's default
   if (parsed.epoch_min % 2 != 0)

@@ -308,6 +308,19 @@ Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimator
     plan.note("direct light", "bsdf sampling finds no light from points and directions: it is missing");
   const std::size_t n = setup.techniques();
   const ReadOut wanted = read_out_of(settings);
+  if (features.reads_letters && wanted != ReadOut::film) {
+    const bool by_estimator = settings.weights.value == "auto" && settings.estimator.value != "crossfit";
+    const std::string& value = by_estimator ? settings.estimator.value : settings.weights.value;
+    if (value != "auto")
+      return usage_error(fmt::format("'{}' makes the image of sums beside the film, which have no layers by "
+                                     "expression",
+                                     value))
+          .with_field(by_estimator ? "estimator" : "weights")
+          .with_mend("leave it out: the image is then that of the balance heuristic");
+    plan.skip(kOptimal,
+              "layers by expression are parts of the film, which has the balance heuristic's image");
+    return out;
+  }
   if (wanted != ReadOut::film && n < 2) {
     plan.skip(wanted == ReadOut::best ? "the best technique" : kOptimal,
               n == 0 ? "no light is sampled" : "one technique needs no weights");

@@ -49,8 +49,10 @@ void RecordingSink::begin_at_lamp(std::uint32_t emitter, bool infinite, Vec3 p, 
   if (emitter == scene::kNone || (infinite && lights.is_environment(emitter)))
     emitters = transport::emitters_outside(lights, towards, next_key());
   for (std::size_t c = 0; c < 3; ++c) lamp.object[c] = scene_.objects().of_emitter[emitters[c]];
-  if (of_.letters != nullptr)
-    for (std::size_t c = 0; c < 3; ++c) states_.of[c] = of_.letters->at_lamp(emitters[c]).of[c];
+  if (of_.letters != nullptr) {
+    states_ = {};
+    for (std::size_t c = 0; c < 3; ++c) states_.put(c, of_.letters->at_lamp(emitters[c])[c]);
+  }
   lamp.infinite = infinite;
   lamp.p = infinite ? towards : p;  // a direction until finish()
   lamp.throughput = throughput;

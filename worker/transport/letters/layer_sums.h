@@ -47,7 +47,7 @@ class LabelledParts {
 class LayerUnits {
  public:
   explicit LayerUnits(const PathLetters& letters)
-      : letters_(letters), units_(letters.label_count()), touched_(letters.label_count(), 0) {}
+      : letters_(letters), cells_(letters.label_count()), used_(letters.label_count()) {}
 
   // Gathers the parts of a value whose prefixes are `sums`, each times `weight`, rounded as the film does
   // with this key. Precondition: the film took the last of them.
@@ -57,10 +57,24 @@ class LayerUnits {
   std::uint32_t layer_count() const { return letters_.layer_count(); }
 
  private:
+  using Units = std::array<std::int64_t, kColors>;
+  struct Cell {
+    Units units{};
+    bool used = false;
+  };
+  Cell& use(letters::Automaton::Label label) {
+    Cell& cell = cells_[label];
+    if (!cell.used) {
+      cell.used = true;
+      used_[used_count_++] = label;
+    }
+    return cell;
+  }
+
   const PathLetters& letters_;
-  std::vector<std::array<std::int64_t, kColors>> units_;  // by label
-  std::vector<std::uint8_t> touched_;                     // by label
-  std::vector<letters::Automaton::Label> used_;
+  std::vector<Cell> cells_;                      // by label
+  std::vector<letters::Automaton::Label> used_;  // the first used_count_
+  std::size_t used_count_ = 0;
   bool wrapped_ = false;
 };
 
@@ -121,41 +135,86 @@ constexpr bool reads_letters([[maybe_unused]] const void* letters) {
   return false;
 }
 
+// Names of the draws of a path's letters, one after another. A draw's number is made only if it is read: most
+// surfaces have one lobe, most scenes one environment.
+class LetterKeys {
+ public:
+  class Key {
+   public:
+    Key(LetterKeys& keys, std::uint32_t number) : keys_(keys), number_(number) {}
+    operator std::uint64_t() const { return keys_.at(number_); }  // NOLINT: as a number, if it is read
+
+   private:
+    LetterKeys& keys_;
+    std::uint32_t number_;
+  };
+
+  // A path along this ray. key: names it, but for a chain's, whose ray names it.
+  void begin(std::uint64_t key, const Ray& ray) {
+    path_ = key;
+    direction_ = ray.direction;
+    named_ = 0;
+    made_ = kNone;
+  }
+  Key next() { return {*this, ++named_}; }
+
+ private:
+  static constexpr std::uint32_t kNone = ~0u;
+  std::uint64_t at(std::uint32_t number);
+
+  std::uint64_t path_ = 0, value_ = 0;
+  Vec3 direction_;
+  std::uint32_t named_ = 0;
+  std::uint32_t made_ = kNone;  // the number whose value is value_
+};
+
 // An eye path under way: the states of its tokens so far, and its contributions. Its functions are no part of
 // the kernels, whose size decides what the compiler makes inline in them.
 class EyeLetters {
  public:
   explicit EyeLetters(const PathLetters& letters) : letters_(letters), sums_(letters) {}
 
-  // A path along this ray. key: names it, but for a chain's, whose ray names it.
-  void begin(std::uint64_t key, const Ray& ray);
-  // A number for the next draw between lobes.
-  std::uint64_t next_key() { return key_ = rng::combine(key_, 1); }
+  // A path along this ray, with the key of LetterKeys.
+  void begin(std::uint64_t key, const Ray& ray) {
+    sums_.clear();
+    states_ = letters_.at_eye();
+    keys_.begin(key, ray);
+  }
+  // For the next draw between lobes.
+  LetterKeys::Key next_key() { return keys_.next(); }
 
   const PathLetters& letters() const { return letters_; }
   const ChannelStates& states() const { return states_; }
   LayerSums& sums() { return sums_; }
-  void step(const ChannelClasses& token) { states_ = letters_.from_eye(states_, token); }
-  // The walk left v along wi.
+  // The walk left v along wi; likewise a surface, by a delta lobe or another; a vertex in a medium.
   void scattered(const ScatterPoint& v, Vec3 wi);
+  void scattered(const SurfaceHit& hit, const scene::Closure& closure, Vec3 wo, Vec3 wi, bool delta);
+  void scattered(std::uint32_t medium, Vec3 p);
 
   // Contributions, `sum` being that of the path with them: light met at its end, on a surface or outside
-  // looking along d, and light that left a light path of these states.
+  // looking along d.
   void met(const Spectrum& sum, std::uint32_t emitter);
   void met_outside(const Spectrum& sum, Vec3 d);
   void met(const Spectrum& sum, const ScatterPoint& v, bool left);
-  void lit(const Spectrum& sum, const ChannelClasses& token, const ChannelStates& light);
   // y is connected to the vertex z of a light path whose states before z are `before`.
   void connected(const Spectrum& sum, const ScatterPoint& y, const ScatterPoint& z,
                  const ChannelStates& before);
-  // Next event estimation at v found it.
+  // Next event estimation found it, at v, at a surface, at a vertex in a medium.
   void lit(const Spectrum& sum, const ScatterPoint& v, const Towards& light);
+  void lit(const Spectrum& sum, const SurfaceHit& hit, const scene::Closure& closure, Vec3 wo,
+           const Towards& light);
+  void lit(const Spectrum& sum, std::uint32_t medium, Vec3 p, const Towards& light);
 
  private:
+  void step(const ChannelClasses& token) { states_ = letters_.from_eye(states_, token); }
+  void add(const Spectrum& sum, const ChannelClasses& token, const ChannelStates& light) {
+    sums_.add(sum, letters_.labels(light, letters_.from_eye(states_, token)));
+  }
+
   const PathLetters& letters_;
   LayerSums sums_;
   ChannelStates states_;
-  std::uint64_t key_ = 0;
+  LetterKeys keys_;
 };
 
 // Letters of eye paths for kernels that read them, if `letters` is given.
@@ -180,11 +239,9 @@ class LightLetters {
   ChannelLabels met_lens() const { return letters_.labels(states_, letters_.at_eye()); }
 
  private:
-  std::uint64_t next_key() { return key_ = rng::combine(key_, 1); }
-
   const PathLetters& letters_;
   ChannelStates states_;
-  std::uint64_t key_ = 0;
+  LetterKeys keys_;
 };
 
 }  // namespace candela::transport

@@ -27,14 +27,17 @@ PathLetters::PathLetters(letters::Automaton automaton, const letters::LayerReque
     for (const std::uint8_t layer : automaton_.layers(static_cast<letters::Automaton::Label>(label)))
       bits |= std::uint64_t{1} << layer;
   }
+  if (const auto& outside = scene.lights().environments(); !outside.empty()) outside_ = outside.front();
+  if (!regions_.empty()) return;
+  const auto shapes = static_cast<std::uint32_t>(scene.objects().of_shape.size());
+  of_shape_.reserve(shapes);
+  for (std::uint32_t shape = 0; shape < shapes; ++shape) of_shape_.push_back(classes_of(shape, 0));
 }
 
-ChannelStates PathLetters::at_outside(Vec3 d, std::uint64_t key) const {
-  const scene::Lights& lights = scene_.lights();
-  if (!several_outside_) return at_lamp(lights.environments()[0]);
+ChannelStates PathLetters::at_one_outside(Vec3 d, std::uint64_t key) const {
   ChannelStates result;
-  const auto emitters = emitters_outside(lights, d, key);
-  for (std::size_t c = 0; c < kColors; ++c) result.of[c] = lamp_state_[emitters[c]];
+  const auto emitters = emitters_outside(scene_.lights(), d, key);
+  for (std::size_t c = 0; c < kColors; ++c) result.put(c, lamp_state_[emitters[c]]);
   return result;
 }
 
@@ -47,32 +50,27 @@ std::uint32_t PathLetters::regions_at(Vec3 p) const {
   return mask;
 }
 
-ChannelClasses PathLetters::by_delta(const SurfaceHit& hit, Vec3 wo, Vec3 wi) const {
-  return of_all(automaton_.class_of(Letter::specular, side_of(hit, wo, wi),
-                                    scene_.objects().of_shape[hit.shape], regions_at(hit.p)));
+PathLetters::SurfaceClasses PathLetters::classes_of(std::uint32_t shape, std::uint32_t regions) const {
+  const std::uint32_t object = scene_.objects().of_shape[shape];
+  const auto both = [&](Letter letter) {
+    return std::array<Class, 2>{automaton_.class_of(letter, Side::reflected, object, regions),
+                                automaton_.class_of(letter, Side::transmitted, object, regions)};
+  };
+  return {both(Letter::diffuse), both(Letter::glossy), both(Letter::specular)};
 }
 
 ChannelClasses PathLetters::in_medium(std::uint32_t medium, Vec3 p) const {
-  return of_all(
+  return ChannelClasses(
       automaton_.class_of(Letter::volume, Side::none, scene_.objects().of_medium[medium], regions_at(p)));
 }
 
-ChannelClasses PathLetters::of(const ScatterPoint& v, Vec3 wi, TransportMode mode, std::uint64_t key) const {
-  return v.on_surface() ? by_lobes(v.hit, v.closure, v.wo, wi, mode, key) : in_medium(v.medium, v.hit.p);
-}
-
-ChannelClasses PathLetters::by_lobes(const SurfaceHit& hit, const scene::Closure& closure, Vec3 wo, Vec3 wi,
-                                     TransportMode mode, std::uint64_t key) const {
-  const Side side = side_of(hit, wo, wi);
-  const std::uint32_t object = scene_.objects().of_shape[hit.shape],
-                      regions = regions_.empty() ? 0 : regions_at(hit.p);
-  const auto diffuse = automaton_.class_of(Letter::diffuse, side, object, regions);
-  if (closure.even()) return of_all(diffuse);  // it has no lobe but diffuse and delta ones
-  const auto glossy = automaton_.class_of(Letter::glossy, side, object, regions);
-  if (diffuse == glossy) return of_all(diffuse);
-  const ChannelLetters drawn = letters_of_lobes(hit, closure, wo, wi, mode, glossy_below_, key);
-  const auto chosen = [&](std::size_t c) { return drawn.of[c] == Letter::diffuse ? diffuse : glossy; };
-  return {{chosen(0), chosen(1), chosen(2)}};
+ChannelClasses PathLetters::drawn(const SurfaceHit& hit, const scene::Closure& closure, Vec3 wo, Vec3 wi,
+                                  TransportMode mode, std::uint64_t key, Class diffuse, Class glossy) const {
+  const ChannelLetters letters = letters_of_lobes(hit, closure, wo, wi, mode, glossy_below_, key);
+  ChannelClasses result;
+  for (std::size_t c = 0; c < kColors; ++c)
+    result.put(c, letters.of[c] == Letter::diffuse ? diffuse : glossy);
+  return result;
 }
 
 }  // namespace candela::transport

@@ -8,11 +8,6 @@
 namespace candela::transport {
 
 using letters::Letter;
-using letters::Side;
-
-Side side_of(const SurfaceHit& hit, Vec3 wo, Vec3 wi) {
-  return dot(wo, hit.ng) * dot(wi, hit.ng) < 0 ? Side::transmitted : Side::reflected;
-}
 
 ChannelLetters letters_of_lobes(const SurfaceHit& hit, const scene::Closure& closure, Vec3 wo, Vec3 wi,
                                 TransportMode mode, float glossy_below, std::uint64_t key) {

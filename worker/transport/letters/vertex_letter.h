@@ -17,8 +17,6 @@ struct ChannelLetters {
   std::array<letters::Letter, kColors> of{};
 };
 
-// wo, wi: unit, world, away from the surface.
-letters::Side side_of(const SurfaceHit& hit, Vec3 wo, Vec3 wi);
 // Diffuse or glossy, of a surface that scatters between wo and wi by lobes that are not delta. mode: as the
 // closure is evaluated along wo; key: of the draw between lobes.
 ChannelLetters letters_of_lobes(const SurfaceHit& hit, const scene::Closure& closure, Vec3 wo, Vec3 wi,

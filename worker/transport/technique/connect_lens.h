@@ -20,7 +20,7 @@ bool connect_lens(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
   if (value.is_black()) return false;
   double survival = 1;
   const Spectrum passed =
-      visibility<kEdgeContent>(c, z, camera.shadow_ray, passage_key<kEdgeContent>(draws), survival);
+      visibility<kEdgeContent>(c, z, camera.shadow_ray, passage_key<kEdgeContent>(c, draws), survival);
   if (passed.is_black()) return false;
   film = {camera.film_x, camera.film_y};
   out.value = z.throughput * value * passed * (camera.importance / camera.pdf_solid_angle);

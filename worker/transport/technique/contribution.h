@@ -53,6 +53,7 @@ struct ConnectContext {
   film::SampleCounts& sample_counts;
   const bool chooses_emitter = reads_emitter_choice(scene);
   const bool passes_through = scene.features().any_passthrough;
+  const bool has_media = scene.features().media > 0;
 };
 
 enum class SubpathOf : std::uint8_t { light, eye };
@@ -83,7 +84,7 @@ inline std::uint32_t medium_towards(const ConnectContext& c, const ScatterPoint&
 template <EdgeContent kEdgeContent>
 bool may_meet(const ConnectContext& c, const ScatterPoint& y, const ScatterPoint& z, Vec3 w) {
   if constexpr (kEdgeContent != EdgeContent::media) return true;
-  return c.passes_through || medium_towards(c, y, w) == medium_towards(c, z, -w);
+  return c.passes_through || !c.has_media || medium_towards(c, y, w) == medium_towards(c, z, -w);
 }
 
 // As passing(), in a scene where no surface lets light pass straight on: all of an edge that nothing blocks
@@ -110,7 +111,7 @@ Spectrum visibility(const ConnectContext& c, const ScatterPoint& v, const Ray& s
   } else {
     std::uint32_t medium = v.medium;
     if constexpr (kEdgeContent == EdgeContent::media) {
-      medium = medium_towards(c, v, shadow_ray.direction);
+      if (c.has_media) medium = medium_towards(c, v, shadow_ray.direction);
       if (!c.passes_through) return through_one_medium(c, shadow_ray, medium, stream_key, survival);
     }
     return passing<kEdgeContent>(c.scene, shadow_ray, medium, rng::Stream(stream_key), c.sample_counts.rays,
@@ -124,6 +125,11 @@ std::uint64_t passage_key(const VertexDraws<SamplerT>& draws) {
   if constexpr (kEdgeContent != EdgeContent::media) return 0;
   const Vec2 u = draws.sampler.draw_2d(draws.block + kTransmittance, false);
   return rng::key(std::bit_cast<std::uint32_t>(u.x), std::bit_cast<std::uint32_t>(u.y), 0);
+}
+// The same; any number in a scene without media.
+template <EdgeContent kEdgeContent, class SamplerT>
+std::uint64_t passage_key(const ConnectContext& c, const VertexDraws<SamplerT>& draws) {
+  return c.has_media ? passage_key<kEdgeContent>(draws) : 0;
 }
 
 }  // namespace candela::transport

@@ -21,7 +21,7 @@ bool next_event(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
   if (value.is_black()) return false;
   double survival = 1;
   const Spectrum passed =
-      visibility<kEdgeContent>(c, v, light.shadow_ray, passage_key<kEdgeContent>(draws), survival);
+      visibility<kEdgeContent>(c, v, light.shadow_ray, passage_key<kEdgeContent>(c, draws), survival);
   if (passed.is_black()) return false;
   out.value = v.throughput * value * passed * light.radiance * (1 / light.pdf_solid_angle);
   out.weight = 1;
