@@ -16,8 +16,6 @@
 namespace candela {
 namespace {
 
-constexpr std::uint64_t kHugePagesFrom = std::uint64_t{4} << 20;
-
 Error system_error(std::string what, const std::filesystem::path& path) {
   const int code = errno;
   const bool resource = code == ENOSPC || code == EDQUOT || code == EMFILE || code == ENFILE || code == EFBIG;
@@ -130,8 +128,6 @@ Result<std::shared_ptr<const MappedFile>> MappedFile::open(const std::filesystem
     void* data = copied ? ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0)
                         : ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, fd.get(), 0);
     if (data == MAP_FAILED) return system_error("cannot map", path);
-    // Pages of 4 KiB would each cost a fault.
-    if (copied && size >= kHugePagesFrom) static_cast<void>(::madvise(data, size, MADV_HUGEPAGE));
     file->data_ = static_cast<const char*>(data);
     file->size_ = size;
     if (copied) CANDELA_TRY(read_all(fd.get(), static_cast<char*>(data), size, path));
