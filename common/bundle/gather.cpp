@@ -4,9 +4,48 @@
 
 #include "common/base/files.h"
 #include "common/base/hash.h"
+#include "common/base/mutex.h"
 #include "common/description/reading_budget.h"
 
 namespace candela::bundle {
+namespace {
+
+// Hashes each file when it is opened first, so that a large mesh is read once, and the hash is that of the
+// bytes that the description was read from.
+class HashingSource final : public description::FileSource {
+ public:
+  // All must outlive the source. `hashes`: null: there are none.
+  HashingSource(const DiskSource& files, FileHashes* hashes) : files_(files), hashes_(hashes) {}
+
+  Result<Bytes> open(const std::string& key) const override {
+    CANDELA_ASSIGN(Bytes bytes, files_.open(key));
+    const Lock lock(mutex_);
+    if (const auto [found, is_new] = entries_.try_emplace(key); is_new)
+      found->second = {
+          key,
+          hashes_ != nullptr ? hashes_->sha256(files_.real_path(key), bytes.view) : sha256_hex(bytes.view),
+          bytes.view.size()};
+    return bytes;
+  }
+
+  Result<File> entry(const std::string& key) const {
+    {
+      const Lock lock(mutex_);
+      if (const auto found = entries_.find(key); found != entries_.end()) return found->second;
+    }
+    CANDELA_TRY(open(key));
+    const Lock lock(mutex_);
+    return entries_.at(key);
+  }
+
+ private:
+  const DiskSource& files_;
+  FileHashes* const hashes_;
+  mutable Mutex mutex_;
+  mutable std::map<std::string, File> entries_ CANDELA_GUARDED_BY(mutex_);
+};
+
+}  // namespace
 
 std::filesystem::path DiskSource::real_path(const std::string& key) const {
   return root_ / key;
@@ -48,11 +87,12 @@ Result<GatheredScene> gather(const std::filesystem::path& scene_file,
     return input_error("not a scene file").at(scene_file.string(), 0).with_mend("name the scene's XML file");
   CANDELA_TRY(check_parameters(parameters));
   const DiskSource source(scene_file.parent_path());
+  const HashingSource hashed(source, hashes);
   GatheredScene gathered;
   gathered.bundle.main_path = scene_file.filename().string();
   gathered.bundle.parameters = parameters;
   description::ReadingBudget budget(memory_bytes);
-  const description::BudgetedFiles counted(source, budget);
+  const description::BudgetedFiles counted(hashed, budget);
   Result<description::ReadScene> parsed =
       description::read_scene(counted, gathered.bundle.main_path, parameters, reading);
   if (!parsed.ok()) {
@@ -65,11 +105,8 @@ Result<GatheredScene> gather(const std::filesystem::path& scene_file,
   gathered.description = std::move(parsed->description);
   gathered.passed_over = std::move(parsed->passed_over);
   for (const std::string& key : gathered.description.files) {
-    CANDELA_ASSIGN(const description::FileSource::Bytes bytes, source.open(key));
-    const std::filesystem::path file = source.real_path(key);
-    gathered.bundle.files.push_back(
-        {key, hashes != nullptr ? hashes->sha256(file, bytes.view) : sha256_hex(bytes.view),
-         bytes.view.size()});
+    CANDELA_ASSIGN(File file, hashed.entry(key));
+    gathered.bundle.files.push_back(std::move(file));
     gathered.real_paths.emplace(key, source.real_path(key));
   }
   CANDELA_TRY(validate(gathered.bundle));

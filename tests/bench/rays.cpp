@@ -140,6 +140,7 @@ int main(int argc, char** argv) {
   std::vector<Recorded> rays;
   double checksum = trace(scene, Recorder(scene, rays), samples, max_depth);
   auto* embree = static_cast<RTCScene>(scene.embree_scene());
+  if (embree == nullptr) return fail("Embree has no tree of so small a scene");
   std::vector<double> path_seconds, bare_seconds, scene_seconds;
   for (int round = 0; round < 5; ++round) {
     double begin = cpu_seconds();

@@ -9,6 +9,7 @@
 #include "tests/unit/scene_fixture.h"
 #include "worker/scene/accel.h"
 #include "worker/scene/few_primitives.h"
+#include "worker/scene/shapes/geometry_steps.h"
 
 namespace candela::scene {
 namespace {
@@ -159,6 +160,41 @@ TEST(FewPrimitives, OfAMeshAreTheRoundOnes) {
   const auto few = FewPrimitives::build(geometry);
   ASSERT_TRUE(few != nullptr && !few->whole());
   EXPECT_GT(expect_brute_force(geometry, 1, {}, s), 2000);
+}
+
+// Claims: if they are the whole scene, Embree builds no tree; nothing that finds surfaces needs records of
+// triangles, in a scene of few primitives or of many.
+TEST(FewPrimitives, NeedNeitherTreeNorRecords) {
+  for (const int triangles : {20, 300}) {
+    rng::Stream s(rng::key(1, 91));
+    Geometry early, late;
+    fill(early, triangles, 5, 0.3f, {}, s);
+    s = rng::Stream(rng::key(1, 91));
+    fill(late, triangles, 5, 0.3f, {}, s);
+    finish_vertices(early);
+    const auto one = Accel::build(early, "avx2", 1);
+    make_triangles(early);
+    late.finish();
+    const auto other = Accel::build(late, "avx2", 1);
+    ASSERT_TRUE(one.ok() && other.ok());
+    EXPECT_EQ(one->embree_scene() == nullptr, triangles == 20);
+    int met = 0;
+    for (int i = 0; i < 2000; ++i) {
+      const Vec3 from = random_point(s, 1.2f), to = random_point(s, 1);
+      const Ray ray{from, normalize(to - from)};
+      Accel::Found a{}, b{};
+      const bool hit = one->intersect(ray, a);
+      ASSERT_EQ(other->intersect(ray, b), hit);
+      if (!hit) continue;
+      ++met;
+      ASSERT_TRUE(a.kind == b.kind && a.primitive == b.primitive);
+      SurfaceHit here, there;
+      early.hit(ray, a.kind, a.primitive, here);
+      late.hit(ray, b.kind, b.primitive, there);
+      ASSERT_TRUE(here.p == there.p && here.ng == there.ng && here.shape == there.shape);
+    }
+    EXPECT_GT(met, 200);
+  }
 }
 
 TEST(FewPrimitives, AreNeitherManyNorThin) {

@@ -15,6 +15,7 @@
 
 #include "common/base/log.h"
 #include "common/base/work_monitor.h"
+#include "worker/core/huge_reserve.h"
 #include "worker/core/math.h"
 #include "worker/loaders/mesh.h"
 #include "worker/loaders/parallel.h"
@@ -139,14 +140,14 @@ class Reader {
   void reserve_vertices() {
     const auto count = static_cast<std::size_t>(vertices_->count);
     // The scene adds one element to what becomes its only mesh; the arrays are not copied then.
-    mesh_.positions.reserve(count + 1);
+    reserve_huge(mesh_.positions, count + 1);
     mesh_.positions.resize(count);
     if (header_.has_normals) {
-      mesh_.normals.reserve(count + 1);
+      reserve_huge(mesh_.normals, count + 1);
       mesh_.normals.resize(count);
     }
     if (header_.has_uvs) {
-      mesh_.uvs.reserve(count + 1);
+      reserve_huge(mesh_.uvs, count + 1);
       mesh_.uvs.resize(count);
     }
     for (const Header::Attribute& attribute : header_.vertex_attributes)
@@ -332,7 +333,7 @@ class Reader {
   }
 
   // Faces whose only list has three right entries each, read in parallel; false: they are not of this kind,
-  // and nothing has happened.
+  // and the mesh's triangles mean nothing.
   bool all_triangles(const Element& element) {
     std::size_t before = 0, size = 0;
     const Property* corners = nullptr;
@@ -350,15 +351,12 @@ class Reader {
     const auto count = static_cast<std::size_t>(element.count);
     const char* rows = bytes_.data() + at_;
     const std::size_t count_size = size_of(corners->count_type), index_size = size_of(corners->type);
-    if (first_where(count, [&](std::size_t i) {
-          return read_value<std::int64_t>(rows + i * size + before, corners->count_type,
-                                          header_.big_endian) != 3;
-        }) != kNowhere) {
-      return false;
-    }
+    reserve_huge(mesh_.triangles, count);
     mesh_.triangles.resize(count);
     const std::size_t bad = first_where(count, [&](std::size_t i) {
-      const char* at = rows + i * size + before + count_size;
+      const char* at = rows + i * size + before;
+      if (read_value<std::int64_t>(at, corners->count_type, header_.big_endian) != 3) return true;
+      at += count_size;
       for (std::uint32_t& corner : mesh_.triangles[i]) {
         const std::int64_t v = read_value<std::int64_t>(at, corners->type, header_.big_endian);
         if (v < 0 || static_cast<std::uint64_t>(v) >= vertices_->count) return true;

@@ -389,20 +389,21 @@ Result<Accel> Accel::build(const Geometry& geometry, const std::string& isa, uns
   rtcSetDeviceErrorFunction(device, remember_error, &first);
   rtcSetDeviceMemoryMonitorFunction(device, Memory::ask, &memory);
   impl->geometry = &geometry;
-  impl->scene.reset(rtcNewScene(device));
-  RTCScene scene = impl->scene.get();
-  if (scene != nullptr) {
-    impl->few = FewPrimitives::build(geometry);
-    attach_group(device, scene, geometry, geometry.groups[0], impl->few == nullptr || impl->few->whole());
+  impl->few = FewPrimitives::build(geometry);
+  const bool has_tree = impl->few == nullptr || !impl->few->whole();
+  if (has_tree) impl->scene.reset(rtcNewScene(device));
+  if (RTCScene scene = impl->scene.get(); scene != nullptr) {
+    attach_group(device, scene, geometry, geometry.groups[0], impl->few == nullptr);
     attach_instances(device, scene, geometry, impl->instances);
     commit(scene);
-    impl->ties = Ties::build(device, geometry);
   }
+  if (!has_tree || impl->scene) impl->ties = Ties::build(device, geometry);
   rtcSetDeviceErrorFunction(device, nullptr, nullptr);
   rtcSetDeviceMemoryMonitorFunction(device, nullptr, nullptr);
   if (const std::uint64_t bytes = memory.refused; bytes > 0)
     return budget.refusal({}, "Embree's trees", bytes);
-  if (first.code != RTC_ERROR_NONE || scene == nullptr) return embree_error(first, "building the scene");
+  if (first.code != RTC_ERROR_NONE || (has_tree && !impl->scene))
+    return embree_error(first, "building the scene");
   return Accel(std::move(impl));
 }
 

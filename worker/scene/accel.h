@@ -16,9 +16,9 @@ Result<void> check_isa(const std::string& isa);
 
 class Accel {
  public:
-  // Builds over `geometry`, which must outlive this and not change. isa: "sse2", "sse4.2", "avx", "avx2" or
-  // "avx512"; one that this machine or this Embree lacks is an error, never replaced by another.
-  // Embree's memory counts in the budget.
+  // Builds over `geometry`, which must outlive this; its positions and indices must not change. isa: "sse2",
+  // "sse4.2", "avx", "avx2" or "avx512"; one that this machine or this Embree lacks is an error, never
+  // replaced by another. Embree's memory counts in the budget.
   static Result<Accel> build(const Geometry& geometry, const std::string& isa, unsigned threads,
                              description::ReadingBudget& budget = description::ReadingBudget::unlimited());
   Accel(Accel&&) noexcept;
@@ -35,8 +35,8 @@ class Accel {
   bool intersect(const Ray& ray, Found& found) const;
   bool occluded(const Ray& ray) const;
 
-  // The RTCScene, for measurements. Round primitives are not in it if few_primitives.h finds them beside
-  // meshes.
+  // The RTCScene, for measurements; null if few_primitives.h finds all. Round primitives that it finds beside
+  // meshes are not in the RTCScene.
   void* embree_scene() const;
 
  private:

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "worker/scene/shapes/geometry_steps.h"
 #include "worker/scene/shapes/rounding.h"
 
 namespace candela::scene {
@@ -33,8 +34,8 @@ inline __m256 along(const std::array<std::array<float, 8>, 3>& row, __m256 x, __
 // With u = 2^-24, r_k the sum of the magnitudes of row k, and A_k = r_k |origin| + |shift k|: a coordinate of
 // the origin is wrong by at most 5 u A_k, one of the direction by 4 u r_k. So the volume x_o z_d - z_o x_d is
 // wrong by 11 u (A_x r_z + A_z r_x), and the third volume by twice as much and 4 u r_z.
-bool FewPrimitives::set_lane(const Triangle& triangle, std::size_t lane, Block& block) {
-  const Vec3d v0(triangle.v0), e1 = Vec3d(triangle.v1) - v0, e2 = Vec3d(triangle.v2) - v0, n = cross(e1, e2);
+bool FewPrimitives::set_lane(const std::array<Vec3, 3>& corners, std::size_t lane, Block& block) {
+  const Vec3d v0(corners[0]), e1 = Vec3d(corners[1]) - v0, e2 = Vec3d(corners[2]) - v0, n = cross(e1, e2);
   const double area = length(n),
                longest = std::max({length_squared(e1), length_squared(e2), length_squared(e2 - e1)});
   if (area == 0) return true;  // no ray meets it
@@ -75,13 +76,13 @@ bool FewPrimitives::take_triangles(std::size_t count) {
   blocks_.assign(blocks, empty);
   exact_.reserve(count);
   for (std::size_t i = 0; i < count; ++i) {
-    const Triangle& t = geometry_.triangles[i];
-    if (!set_lane(t, i % kWidth, blocks_[i / kWidth])) {
+    const auto corners = corners_of(geometry_, static_cast<std::uint32_t>(i));
+    if (!set_lane(corners, i % kWidth, blocks_[i / kWidth])) {
       blocks_.clear();
       return false;
     }
-    const Vec3d v0(t.v0);
-    exact_.push_back({v0, cross(Vec3d(t.v1) - v0, Vec3d(t.v2) - v0)});
+    const Vec3d v0(corners[0]);
+    exact_.push_back({v0, cross(Vec3d(corners[1]) - v0, Vec3d(corners[2]) - v0)});
   }
   return true;
 }

@@ -67,7 +67,7 @@ class FewPrimitives {
   // False: many, or one too thin for bounds of the rounding errors.
   bool take_triangles(std::size_t count);
   // False: the triangle is too thin.
-  static bool set_lane(const Triangle& triangle, std::size_t lane, Block& block);
+  static bool set_lane(const std::array<Vec3, 3>& corners, std::size_t lane, Block& block);
   // Calls met(kind, primitive, distance) for primitives that the ray meets, at least for all in [0, end],
   // until it returns true. met may lower `end`.
   template <class Met>

@@ -13,6 +13,7 @@
 #include "common/description/color.h"
 #include "worker/scene/points/surface_points.h"
 #include "worker/scene/scene_builder.h"
+#include "worker/scene/shapes/geometry_steps.h"
 
 namespace candela::scene {
 
@@ -119,6 +120,16 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
     }
   }
   if (edited) CANDELA_TRY(builder.edit(*options.edits));
+  const auto build_accel = [&]() -> Result<void> {
+    Result<Accel> built = Accel::build(impl.geometry, options.isa, options.build_threads, files.budget());
+    if (!built.ok() && built.error().kind == ErrorKind::input)
+      return std::move(built).error().at(root.where.file, root.where.line);
+    CANDELA_ASSIGN(Accel accel, std::move(built));
+    impl.accel = std::make_unique<Accel>(std::move(accel));
+    return {};
+  };
+  finish_vertices(impl.geometry);
+  if (options.traced) CANDELA_TRY(build_accel());
   CANDELA_TRY(builder.finish_geometry());
   if (is_distant) {
     CANDELA_ASSIGN(impl.sensor, Sensor::build_distant(*sensors[0], files, impl.geometry.bounds,
@@ -149,11 +160,7 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
     CANDELA_TRY(check_isa(options.isa));
     return scene;
   }
-  Result<Accel> built = Accel::build(impl.geometry, options.isa, options.build_threads, files.budget());
-  if (!built.ok() && built.error().kind == ErrorKind::input)
-    return std::move(built).error().at(root.where.file, root.where.line);
-  CANDELA_ASSIGN(Accel accel, std::move(built));
-  impl.accel = std::make_unique<Accel>(std::move(accel));
+  if (!impl.accel) CANDELA_TRY(build_accel());
   std::vector<bool> turned;
   for (const Bsdf& bsdf : impl.bsdfs) turned.push_back(bsdf.facts().perturbs);
   impl.points.emplace(impl.geometry, *impl.accel, std::move(turned));

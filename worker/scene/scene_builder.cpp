@@ -12,6 +12,7 @@
 #include "common/base/log.h"
 #include "common/base/work_monitor.h"
 #include "worker/scene/emitters/emitter_build.h"
+#include "worker/scene/shapes/geometry_steps.h"
 #include "worker/scene/shapes/heightfield.h"
 #include "worker/scene/shapes/mesh_parts.h"
 #include "worker/scene/transform.h"
@@ -309,7 +310,7 @@ Result<void> SceneBuilder::add_built(const description::Object& object, Shape sh
                         std::to_string(shape.dropped_count) + " faces without area");
   }
   if (geometry_.positions.size() + shape.positions.size() > kMaxPrimitives ||
-      geometry_.triangles.size() + shape.triangles.size() > kMaxPrimitives) {
+      geometry_.indices.size() + shape.triangles.size() > kMaxPrimitives) {
     return error_at(object, "the scene has more than 2^32 triangles or vertices");
   }
   CANDELA_TRY(count(object,
@@ -372,7 +373,7 @@ std::optional<Placement> SceneBuilder::far_placement(const std::optional<Vec3d>&
 
 Result<void> SceneBuilder::finish_geometry() {
   for (const std::string& warning : warnings_) log::warn(warning);
-  geometry_.finish();
+  make_triangles(geometry_);
   for (const AreaEmitter& area : area_emitters_) {
     CANDELA_ASSIGN(const ColorTexture radiance, radiance_of(area));
     if (radiance.is_constant() && !is_radiometric(radiance.constant)) {

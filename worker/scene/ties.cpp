@@ -7,6 +7,7 @@
 #include <tuple>
 
 #include "common/base/work_monitor.h"
+#include "worker/scene/shapes/geometry_steps.h"
 
 namespace candela::scene {
 namespace {
@@ -44,9 +45,8 @@ PrimitiveKind kind_of(const Geometry& geometry, std::uint32_t shape) {
 Bounds box_of(const Geometry& geometry, const Flat& flat) {
   if (kind_of(geometry, flat.shape) == PrimitiveKind::disk)
     return bounds_of(geometry.disks[flat.primitive].disk);
-  const Triangle& t = geometry.triangles[flat.primitive];
   Bounds box;
-  for (const Vec3& corner : {t.v0, t.v1, t.v2}) box.add(Vec3d(corner));
+  for (const Vec3& corner : corners_of(geometry, flat.primitive)) box.add(Vec3d(corner));
   return box;
 }
 
@@ -82,10 +82,12 @@ void for_each_flat(const Geometry& geometry, const std::vector<bool>* looked_at,
     visit(Flat{rounded(n), dot(n, point), shape, primitive});
   };
   const Group::Range triangles = range_of(geometry, PrimitiveKind::triangle);
+  std::uint32_t shape = 0;
   for (std::uint32_t i = triangles.first; i < triangles.first + triangles.count; ++i) {
-    const Triangle& t = geometry.triangles[i];
-    const Vec3d a(t.v0);
-    add(t.shape, i, cross(Vec3d(t.v1) - a, Vec3d(t.v2) - a), a);
+    while (i - geometry.shapes[shape].first_triangle >= geometry.shapes[shape].triangle_count) ++shape;
+    const auto [v0, v1, v2] = corners_of(geometry, i);
+    const Vec3d a(v0);
+    add(shape, i, cross(Vec3d(v1) - a, Vec3d(v2) - a), a);
   }
   const Group::Range disks = range_of(geometry, PrimitiveKind::disk);
   for (std::uint32_t i = disks.first; i < disks.first + disks.count; ++i) {
@@ -155,8 +157,7 @@ std::vector<Vec3d> few_corners(const Geometry& geometry, std::vector<Flat>::iter
   if (end - begin > kMax) return corners;
   for (auto i = begin; i != end; ++i) {
     if (kind_of(geometry, i->shape) != PrimitiveKind::triangle) return {};
-    const Triangle& t = geometry.triangles[i->primitive];
-    corners.insert(corners.end(), {Vec3d(t.v0), Vec3d(t.v1), Vec3d(t.v2)});
+    for (const Vec3& corner : corners_of(geometry, i->primitive)) corners.emplace_back(corner);
   }
   return corners;
 }

@@ -1,7 +1,8 @@
 // Environment emitters. The map's sampling tables follow its bilinear cells: a cell is the patch of the
 // sphere between four neighboring texels; it is chosen by the mean luminance of the four times its solid
 // angle, and sampled uniformly within. So the density is above zero wherever the radiance is, and constant
-// over each cell.
+// over each cell. Guide tables say between which cells a draw falls (Chen and Asau 1974), so that few places
+// of the tables are read: those of a large map are far apart in memory.
 #include "worker/scene/emitters/environment.h"
 
 #include <algorithm>
@@ -23,13 +24,22 @@ struct Environment::Map {
   Frame to_world;                       // columns of the rotation (or rotation with a reflection)
   std::uint32_t columns = 0, rows = 0;  // cells; texels are columns x (rows + 1)
   std::vector<float> row_cdf;           // rows + 1
-  ScratchBlock cell_cdf;                // rows * (columns + 1) floats, where large textures lie
+  std::vector<std::uint32_t> row_guide;
+  // For each row columns + 1 floats, and guides_of(columns) integers of 32 bits. Where large textures lie.
+  ScratchBlock cell_tables;
   // rows + 1: the cosine of the polar angle at the rows' edges, falling from 1 to -1. Double: the difference
   // of two near a pole is the solid angle of a row.
   std::vector<double> edge_cos;
 
-  const float* cells_of(std::uint32_t row) const {
-    return reinterpret_cast<const float*>(cell_cdf.data()) + static_cast<std::size_t>(row) * (columns + 1);
+  static std::uint32_t guides_of(std::uint32_t cells) { return (cells + 7) / 8; }
+  const std::byte* table_of(std::uint32_t row) const {
+    static_assert(sizeof(float) == sizeof(std::uint32_t));
+    const std::size_t entries = std::size_t{columns} + 1 + guides_of(columns);
+    return cell_tables.data() + row * entries * sizeof(float);
+  }
+  const float* cells_of(std::uint32_t row) const { return reinterpret_cast<const float*>(table_of(row)); }
+  const std::uint32_t* guide_of(std::uint32_t row) const {
+    return reinterpret_cast<const std::uint32_t*>(table_of(row)) + columns + 1;
   }
   float cell_solid_angle(std::uint32_t row) const {
     return static_cast<float>((edge_cos[row] - edge_cos[row + 1]) * (2 * std::numbers::pi / columns));
@@ -85,6 +95,21 @@ std::uint32_t find_interval(const float* cdf, std::uint32_t n, float u) {
   const float* it = std::upper_bound(cdf, cdf + n + 1, u);
   const auto i = static_cast<std::int64_t>(it - cdf) - 1;
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>(i, 0, n - 1));
+}
+
+// By entry of a guide table: the interval of its least u.
+void make_guide(const float* cdf, std::uint32_t n, std::span<std::uint32_t> guide) {
+  for (std::size_t i = 0; i < guide.size(); ++i)
+    guide[i] = find_interval(cdf, n, static_cast<float>(i) / static_cast<float>(guide.size()));
+}
+
+// As find_interval.
+std::uint32_t find_guided(const float* cdf, std::uint32_t n, const std::uint32_t* guide, std::uint32_t guides,
+                          float u) {
+  const std::uint32_t i = std::min(static_cast<std::uint32_t>(u * static_cast<float>(guides)), guides - 1);
+  const std::uint32_t low = guide[i], high = i + 1 < guides ? guide[i + 1] : n - 1;
+  if (!(cdf[low] <= u && u < cdf[high + 1])) return find_interval(cdf, n, u);  // rounding of the entry
+  return static_cast<std::uint32_t>(std::upper_bound(cdf + low + 1, cdf + high + 1, u) - cdf) - 1;
 }
 
 // Sums of `weights` normalized to end at exactly 1; false where all are zero. A positive weight always gets a
@@ -185,8 +210,10 @@ Result<Environment> Environment::build(const description::Object& object, Textur
 
   Environment e;
   std::vector<float> cells(map->columns + 1);
-  CANDELA_ASSIGN(Scratch::Writer table,
-                 textures.scratch().begin(std::uint64_t{map->rows} * cells.size() * sizeof(float)));
+  std::vector<std::uint32_t> guide(Map::guides_of(map->columns));
+  CANDELA_ASSIGN(
+      Scratch::Writer table,
+      textures.scratch().begin(std::uint64_t{map->rows} * (cells.size() + guide.size()) * sizeof(float)));
   map->row_cdf.resize(map->rows + 1);
   std::vector<double> row_weights(map->rows);
   std::vector<double> cell_weights(map->columns);
@@ -219,9 +246,11 @@ Result<Environment> Environment::build(const description::Object& object, Textur
     row_weights[r] = row;
     std::fill(cells.begin(), cells.end(), 0.0f);
     make_cdf(cell_weights, cells.data());
+    make_guide(cells.data(), map->columns, guide);
     CANDELA_TRY(table.append(std::as_bytes(std::span(cells))));
+    CANDELA_TRY(table.append(std::as_bytes(std::span(guide))));
   }
-  CANDELA_ASSIGN(map->cell_cdf, table.finish());
+  CANDELA_ASSIGN(map->cell_tables, table.finish());
   if (to_illuminance) {
     scale = object.get_number("illuminance", 0) / onto_plane;
     if (!std::isfinite(static_cast<float>(scale)))
@@ -237,6 +266,8 @@ Result<Environment> Environment::build(const description::Object& object, Textur
   if (!make_cdf(row_weights, map->row_cdf.data()) || m.is_black()) return constant(Spectrum());
   e.mean_radiance_ = m;
   e.max_luminance_ = brightest * map->scale;
+  map->row_guide.resize(Map::guides_of(map->rows));
+  make_guide(map->row_cdf.data(), map->rows, map->row_guide);
   // E[L^2] / E[L]^2 - 1 over the sphere.
   double total = 0;
   for (const double w : row_weights) total += w;
@@ -286,9 +317,10 @@ bool Environment::sample(Vec2 u, Vec3& d, float& pdf) const {
     return true;
   }
   const Map& map = *map_;
-  const std::uint32_t r = find_interval(map.row_cdf.data(), map.rows, u.y);
+  const std::uint32_t r =
+      find_guided(map.row_cdf.data(), map.rows, map.row_guide.data(), Map::guides_of(map.rows), u.y);
   const float* cells = map.cells_of(r);
-  const std::uint32_t c = find_interval(cells, map.columns, u.x);
+  const std::uint32_t c = find_guided(cells, map.columns, map.guide_of(r), Map::guides_of(map.columns), u.x);
   const float row_prob = map.row_cdf[r + 1] - map.row_cdf[r];
   const float cell_prob = cells[c + 1] - cells[c];
   if (!(row_prob > 0) || !(cell_prob > 0)) return false;

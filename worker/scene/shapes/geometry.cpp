@@ -12,8 +12,10 @@
 #include <limits>
 #include <numbers>
 
+#include "worker/core/huge_reserve.h"
 #include "worker/core/math.h"
 #include "worker/loaders/parallel.h"
+#include "worker/scene/shapes/geometry_steps.h"
 #include "worker/scene/shapes/rounding.h"
 
 namespace candela::scene {
@@ -108,16 +110,20 @@ void Geometry::add(Shape shape, ShapeRecord record) {
     one_more(PrimitiveKind::cylinder, bounds_of(*shape.cylinder));
     cylinders.push_back({*shape.cylinder, shape_index});
   }
-  const std::size_t first = triangles.size(), count = shape.triangles.size(), base = positions.size();
+  const std::size_t first = indices.size(), count = shape.triangles.size(), base = positions.size();
   record.first_triangle = static_cast<std::uint32_t>(first);
   record.triangle_count = static_cast<std::uint32_t>(count);
-  const bool mapped = record.reads_uv && !shape.uvs.empty(), smooth = !shape.normals.empty();
+  Triangle& start = triangles.emplace_back();
+  start.shape = shape_index;
+  start.smooth = !shape.normals.empty();
+  start.mapped = record.reads_uv && !shape.uvs.empty();
+  start.partials = record.reads_partials;
   append(positions, std::move(shape.positions));
-  if (smooth) {
+  if (start.smooth) {
     normals.resize(base);
     append(normals, std::move(shape.normals));
   }
-  if (mapped) {
+  if (start.mapped) {
     uvs.resize(base);
     append(uvs, std::move(shape.uvs));
   }
@@ -130,22 +136,15 @@ void Geometry::add(Shape shape, ShapeRecord record) {
         static_cast<std::uint32_t>(attribute.values.size() - (attribute.of_faces ? first : base));
     append(attribute.values, std::move(from.values));
   }
-  triangles.resize(first + count);
   group.bounds.add(loaders::joined_over(count, Bounds{}, [&](std::size_t i, Bounds& box) {
-    auto& index = indices[first + i];
-    for (std::uint32_t& v : index) v += static_cast<std::uint32_t>(base);
-    Triangle& triangle = triangles[first + i];
-    triangle = make_triangle(positions[index[0]], positions[index[1]], positions[index[2]]);
-    triangle.shape = shape_index;
-    triangle.smooth = smooth;
-    triangle.mapped = mapped;
-    triangle.partials = record.reads_partials;
+    for (std::uint32_t& v : indices[first + i]) v += static_cast<std::uint32_t>(base);
     box.add(bounds_of_triangle(static_cast<std::uint32_t>(first + i)));
   }));
   if (record.reads_mean_edge && count > 0) {
     double sum = 0;
     for (std::size_t i = first; i < first + count; ++i) {
-      const Vec3d a(triangles[i].v0), b(triangles[i].v1), c(triangles[i].v2);
+      const auto [v0, v1, v2] = corners_of(*this, static_cast<std::uint32_t>(i));
+      const Vec3d a(v0), b(v1), c(v2);
       sum += length(b - a) + length(c - b) + length(a - c);
     }
     mean_edges.resize(shape_index + 1);
@@ -158,7 +157,7 @@ void Geometry::add(Shape shape, ShapeRecord record) {
 
 std::uint32_t Geometry::begin_group() {
   Group group;
-  const std::array<std::size_t, kPrimitiveKinds> sizes = {triangles.size(), spheres.size(), disks.size(),
+  const std::array<std::size_t, kPrimitiveKinds> sizes = {indices.size(), spheres.size(), disks.size(),
                                                           cylinders.size()};
   for (std::size_t k = 0; k < kPrimitiveKinds; ++k) {
     group.primitives[k].first = static_cast<std::uint32_t>(sizes[k]);
@@ -216,7 +215,9 @@ Bounds Geometry::bounds_of_shape(std::uint32_t index) const {
   return box;
 }
 
-void Geometry::finish() {
+void finish_vertices(Geometry& geometry) {
+  auto &positions = geometry.positions, &normals = geometry.normals;
+  auto& uvs = geometry.uvs;
   // Reserving just one more keeps the arrays from doubling here.
   positions.reserve(positions.size() + 1);
   if (!normals.empty()) normals.reserve(positions.size() + 1);
@@ -224,6 +225,32 @@ void Geometry::finish() {
   positions.emplace_back();
   if (!normals.empty()) normals.resize(positions.size());
   if (!uvs.empty()) uvs.resize(positions.size());
+}
+
+void make_triangles(Geometry& geometry) {
+  std::vector<Triangle> made;
+  reserve_huge(made, geometry.indices.size());
+  made.resize(geometry.indices.size());
+  for (const Triangle& start : geometry.triangles) {
+    const std::uint32_t first = geometry.shapes[start.shape].first_triangle;
+    loaders::for_ranges(geometry.shapes[start.shape].triangle_count, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = first + begin; i < first + end; ++i) {
+        const auto [v0, v1, v2] = corners_of(geometry, static_cast<std::uint32_t>(i));
+        Triangle& triangle = made[i];
+        triangle = make_triangle(v0, v1, v2);
+        triangle.shape = start.shape;
+        triangle.smooth = start.smooth;
+        triangle.mapped = start.mapped;
+        triangle.partials = start.partials;
+      }
+    });
+  }
+  geometry.triangles = std::move(made);
+}
+
+void Geometry::finish() {
+  finish_vertices(*this);
+  make_triangles(*this);
 }
 
 void Geometry::triangle_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) const {

@@ -21,9 +21,12 @@ Vec3d face_vector(const Shape& shape, const std::array<std::uint32_t, 3>& t) {
 
 // Without area in the arithmetic of intersection: the normal's squared length must be a normal number, and
 // the sine of the smallest angle above the noise of float coordinates.
-bool has_area(const Shape& shape, const std::array<std::uint32_t, 3>& t) {
+bool has_area(const std::array<std::uint32_t, 3>& t, const Vec3d& face_vector) {
   if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) return false;
-  return length_squared(face_vector(shape, t)) > 1e-60;
+  return length_squared(face_vector) > 1e-60;
+}
+bool has_area(const Shape& shape, const std::array<std::uint32_t, 3>& t) {
+  return has_area(t, face_vector(shape, t));
 }
 
 void swap_corners(std::vector<std::array<std::uint32_t, 3>>& triangles) {
@@ -91,39 +94,12 @@ Result<Shape> shape_from_mesh(loaders::Mesh mesh, const Transform& to_world, boo
   shape.triangles = std::move(mesh.triangles);
   // A mirror turns the order of the corners around, but no surface inside out.
   if (to_world.determinant() < 0) swap_corners(shape.triangles);
-  const std::size_t before = shape.triangles.size();
-  const std::size_t flat =
-      loaders::first_where(before, [&](std::size_t i) { return !has_area(shape, shape.triangles[i]); });
-  if (std::none_of(shape.triangles.begin(), shape.triangles.end(),
-                   [&](const auto& t) { return has_area(shape, t); })) {
-    Shape empty;
-    empty.dropped_count = shape.dropped_count + before;
-    empty.positions = std::move(shape.positions);  // where it would be
-    return empty;
-  }
-  if (flat != loaders::kNowhere) {
-    for (loaders::MeshAttribute& attribute : mesh.attributes) {
-      if (!attribute.of_faces()) continue;
-      std::size_t kept = 0;
-      for (std::size_t i = 0; i < before; ++i)
-        if (has_area(shape, shape.triangles[i])) attribute.values[kept++] = attribute.values[i];
-      attribute.values.resize(kept);
-    }
-    shape.triangles.erase(
-        std::remove_if(shape.triangles.begin() + static_cast<std::ptrdiff_t>(flat), shape.triangles.end(),
-                       [&](const auto& t) { return !has_area(shape, t); }),
-        shape.triangles.end());
-  }
-  shape.dropped_count += before - shape.triangles.size();
-  shape.attributes = std::move(mesh.attributes);
-  if (shape.triangles.empty()) return shape;
-
-  if (!face_normals && !mesh.face_normals) {
-    const bool given = !mesh.normals.empty();
+  const bool smooth = !face_normals && !mesh.face_normals, given = smooth && !mesh.normals.empty();
+  std::atomic<bool> all_known = given;
+  if (smooth) {
     shape.normals = std::move(mesh.normals);
     shape.normals.resize(shape.positions.size());
     // A normal without length is none, and stays zero until it is completed.
-    std::atomic<bool> all_known = given;
     loaders::for_ranges(given ? shape.normals.size() : 0, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         const Vec3d n = to_world.normal(Vec3d(shape.normals[i]));
@@ -133,21 +109,50 @@ Result<Shape> shape_from_mesh(loaders::Mesh mesh, const Transform& to_world, boo
         if (!known) all_known = false;
       }
     });
-    if (given) {
-      loaders::for_ranges(shape.triangles.size(), [&](std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i < end; ++i) {
-          auto& t = shape.triangles[i];
-          Vec3d sum;
-          for (const std::uint32_t v : t) sum += Vec3d(shape.normals[v]);
-          if (dot(sum, face_vector(shape, t)) < 0) std::swap(t[1], t[2]);
-        }
-      });
+  }
+  // One pass over the triangles finds those without area and turns the others to their vertex normals.
+  std::atomic<bool> any_flat = false, any_area = false;
+  const std::size_t before = shape.triangles.size();
+  loaders::for_ranges(before, [&](std::size_t begin, std::size_t end) {
+    bool flat_here = false, area_here = false;
+    for (std::size_t i = begin; i < end; ++i) {
+      auto& t = shape.triangles[i];
+      const Vec3d face = face_vector(shape, t);
+      const bool area = has_area(t, face);
+      flat_here |= !area;
+      area_here |= area;
+      if (!given) continue;
+      Vec3d sum;
+      for (const std::uint32_t v : t) sum += Vec3d(shape.normals[v]);
+      if (dot(sum, face) < 0) std::swap(t[1], t[2]);
     }
-    if (!all_known) {
-      std::vector<bool> known(shape.positions.size(), false);
-      for (std::size_t i = 0; given && i < known.size(); ++i) known[i] = !(shape.normals[i] == Vec3{});
-      complete_normals(shape, known);
+    if (flat_here) any_flat = true;
+    if (area_here) any_area = true;
+  });
+  if (!any_area) {
+    Shape empty;
+    empty.dropped_count = shape.dropped_count + before;
+    empty.positions = std::move(shape.positions);  // where it would be
+    return empty;
+  }
+  if (any_flat) {
+    for (loaders::MeshAttribute& attribute : mesh.attributes) {
+      if (!attribute.of_faces()) continue;
+      std::size_t kept = 0;
+      for (std::size_t i = 0; i < before; ++i)
+        if (has_area(shape, shape.triangles[i])) attribute.values[kept++] = attribute.values[i];
+      attribute.values.resize(kept);
     }
+    shape.triangles.erase(std::remove_if(shape.triangles.begin(), shape.triangles.end(),
+                                         [&](const auto& t) { return !has_area(shape, t); }),
+                          shape.triangles.end());
+  }
+  shape.dropped_count += before - shape.triangles.size();
+  shape.attributes = std::move(mesh.attributes);
+  if (smooth && !all_known) {
+    std::vector<bool> known(shape.positions.size(), false);
+    for (std::size_t i = 0; given && i < known.size(); ++i) known[i] = !(shape.normals[i] == Vec3{});
+    complete_normals(shape, known);
   }
   if (flip_normals) {
     swap_corners(shape.triangles);
