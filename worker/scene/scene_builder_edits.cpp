@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "common/base/log.h"
 #include "common/base/text.h"
 #include "common/edits/selection.h"
 #include "common/letters/expression.h"
@@ -207,6 +208,9 @@ Result<void> SceneBuilder::edit_lamps(const EditRequest& request) {
 
 Result<void> SceneBuilder::finish_edits(const EditRequest& request) {
   CANDELA_TRY(check_first_surfaces(request));
+  if (std::any_of(edits_.edits.begin(), edits_.edits.end(), [](const auto& e) { return e.of_light; }) &&
+      std::any_of(edits_.edits.begin(), edits_.edits.end(), [](const auto& e) { return !e.of_light; }))
+    log::warn("edits of light and of what is gathered act in one scene: light may grow with each bounce");
   if (edited_) {
     CANDELA_ASSIGN(const std::vector<edits::Selection> selections, selections_of(request));
     CANDELA_TRY(edit_media(request, selections));
