@@ -108,7 +108,7 @@ bool sent(const LampCase& c, const Lit& lit, Vec3 x, Vec3 along, Vec3& out, doub
       o = map.forward(w);
     }
     if (!c.point && !(o.z * w.z > 0)) return false;
-    factor *= edit.factor[0];
+    factor *= edit.factor[1];
     w = o;
   }
   out = Vec3(w);

@@ -10,7 +10,6 @@
 #include <memory>
 
 #include "worker/core/vec.h"
-#include "worker/scene/bsdfs/edited.h"
 #include "worker/scene/emitters/emitter.h"
 #include "worker/scene/emitters/light_bounds.h"
 #include "worker/scene/emitters/points/point_sampler.h"
@@ -19,6 +18,8 @@
 
 namespace candela::scene {
 
+struct EditedClosure;
+struct SceneEdits;
 struct NestedEmitter;  // of emitter_set.h, which has this kind among its own
 
 class EditedLight {
