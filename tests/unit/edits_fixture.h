@@ -20,7 +20,8 @@
 //   12 refusals          EditRenderers.RefuseByName, EditText.*, EditSelection.*; fuzz: LettersRequest.Fuzz,
 //                        EditText.SurvivesRandomChanges, EditRenderers.SurviveRandomEdits
 //   13 automata          LettersAutomaton, EditStates
-//   14 layers            Layers, EditedLayers, LayersOf (tests/statistical/test_letters.cpp), tests/farm/test_layers.cpp
+//   14 layers            Layers, EditedLayers, LayersOf (tests/statistical/test_letters.cpp),
+//   tests/farm/test_layers.cpp
 #pragma once
 
 #include <fmt/format.h>
