@@ -195,14 +195,8 @@ Result<Move> read_move(const Json& json, const std::string& key, const letters::
 
 Result<Edit> read_edit(const Json& json, const std::string& key, const EditList& list) {
   const Reader reader(json, key);
-  constexpr std::array<std::string_view, 8> known = {"name",   "direction", "select", "source",
+  constexpr std::array<std::string_view, 9> known = {"name",   "direction", "select", "source", "hit",
                                                      "rotate", "move",      "scale",  "tint"};
-  if (reader.has("hit"))
-    return error_at(
-               reader.key("hit"),
-               "an edit cannot ask what a direction meets first: that takes a ray more for each direction "
-               "that any walk draws or evaluates")
-        .with_mend("give a source that the blockers do not share");
   CANDELA_TRY(reader.check(known));
   Edit edit;
   CANDELA_ASSIGN(edit.name, reader.text("name"));
@@ -226,6 +220,13 @@ Result<Edit> read_edit(const Json& json, const std::string& key, const EditList&
     if (source == nullptr)
       return error_at(reader.key("source"), fmt::format("there is no region {}", quote(edit.source)))
           .with_mend(R"(name it: "regions": {"NAME": {"box": [x0, y0, z0, x1, y1, z1]}})");
+  }
+  if (reader.has("hit")) {
+    if (!reader.at("hit").is_boolean()) return error_at(reader.key("hit"), "it is neither true nor false");
+    edit.hit = reader.at("hit").get<bool>();
+    if (edit.hit && source == nullptr)
+      return error_at(reader.key("hit"), "there is no source that a direction could meet")
+          .with_mend("give the region in which the first surface lies: \"source\": \"NAME\"");
   }
   if (reader.has("rotate") && reader.has("move"))
     return error_at(reader.key("move"), "rotate and move exclude each other").with_mend("make it two edits");
@@ -306,6 +307,7 @@ Json json_of(const Edit& edit) {
                {"direction", edit.direction == Edit::Direction::light ? "light" : "eye"},
                {"select", edit.select}};
   if (!edit.source.empty()) json["source"] = edit.source;
+  if (edit.hit) json["hit"] = true;
   if (edit.rotate) json["rotate"] = {{"axis", edit.rotate->axis}, {"degrees", edit.rotate->degrees}};
   if (edit.move) {
     Json& move = json["move"] = {{"to", edit.move->to}, {"from", edit.move->from}};

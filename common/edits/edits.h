@@ -41,6 +41,7 @@ struct Edit {
   Direction direction = Direction::light;
   std::string select;
   std::string source;  // the region that directions have to aim at; empty: all directions
+  bool hit = false;    // the first surface in a direction has to lie in the source
   std::optional<Rotation> rotate;
   std::optional<Move> move;  // at most one of the two
   Triple factor = {1, 1, 1};

@@ -37,8 +37,8 @@ Error error_of(const Edit& edit, Error error, std::size_t before) {
     text = fmt::format(" selects no vertex by '{}'", edit.select);
     error.mend =
         edit.direction == Edit::Direction::light
-            ? "an edit of light begins with L and ends with the edited surface: LX*S{mirror}"
-            : "an edit of what is gathered begins with the edited surface and ends with E: X{wall}X*E";
+            ? "an edit of light begins with L and ends with the edited vertex: LX*S{mirror}"
+            : "an edit of what is gathered begins with the edited vertex and ends with E: X{wall}X*E";
   }
   error.message = fmt::format("edit '{}'{}", edit.name, text);
   return error;
@@ -72,7 +72,7 @@ Result<Selection> Selection::compile(const EditList& list, const Edit& edit,
     return error_of(edit, std::move(checked).error(), bytes_before(edit));
   auto compiled = Automaton::compile(request, objects, uses);
   if (!compiled.ok()) return error_of(edit, std::move(compiled).error(), bytes_before(edit));
-  Selection selection(*std::move(compiled), std::move(bits));
+  Selection selection(*std::move(compiled), std::move(bits), of_light);
   const Automaton& automaton = selection.automaton_;
 
   const VertexClasses vertices(automaton, objects, uses, request.regions.size());
@@ -106,25 +106,30 @@ Result<Selection> Selection::compile(const EditList& list, const Edit& edit,
   };
   selection.selected_.assign(automaton.counts().classes, 0);
   bool any = false;
-  for (const std::uint32_t state : open) {
-    for (const Automaton::Class c : vertices.media)
-      if (accepts(state, c))
-        return refusal(edit, "selects scattering in a medium, which cannot be edited",
-                       "select surfaces: D, G, S or X");
-    for (const Automaton::Class c : vertices.surfaces) {
-      const auto verdict = static_cast<std::uint8_t>(accepts(state, c) ? 1 : 2);
-      std::uint8_t& known = selection.selected_[c];
-      selection.by_path_ |= known != 0 && known != verdict;
-      known = verdict;
-      any |= verdict == 1;
-    }
-  }
+  for (const std::uint32_t state : open)
+    for (const auto* tokens : {&vertices.surfaces, &vertices.media})
+      for (const Automaton::Class c : *tokens) {
+        const auto verdict = static_cast<std::uint8_t>(accepts(state, c) ? 1 : 2);
+        std::uint8_t& known = selection.selected_[c];
+        selection.by_path_ |= known != 0 && known != verdict;
+        known = verdict;
+        any |= verdict == 1;
+      }
+  for (std::uint32_t object = 0; object < objects.size() && !any; ++object)
+    any = (uses.empty() || (uses[object] & letters::kLampObject) != 0) && selection.selects_lamp(object);
   if (!any && !open.empty() && !vertices.surfaces.empty())
-    return refusal(edit, of_light ? "selects what a lamp emits, which cannot be edited" : "selects no vertex",
-                   of_light ? "tint the lamp itself, or select surfaces: LX*D{wall}"
-                            : "begin with the edited surface: X{wall}X*E");
+    return refusal(
+        edit, "selects no vertex",
+        of_light ? "end with the edited vertex: LX*D{wall}" : "begin with the edited vertex: X{wall}X*E");
   for (std::uint8_t& verdict : selection.selected_) verdict = verdict == 1 ? 1 : 0;
   return selection;
+}
+
+bool Selection::selects_lamp(std::uint32_t object) const {
+  if (!of_light_) return false;
+  const Automaton::State behind = automaton_.forward(
+      automaton_.forward_start(), automaton_.class_of(letters::Letter::lamp, letters::Side::none, object, 0));
+  return automaton_.label(behind, automaton_.reverse_start()) != 0;
 }
 
 Result<void> check_by_path(const EditList& list, std::span<const Selection> selections,

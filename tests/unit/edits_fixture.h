@@ -1,5 +1,27 @@
 // Edited closures at one hit, and the definition of an edit: a walk that turns what the bsdf scatters, and
 // leaves all else. The definition here is code of its own, and knows neither branches nor Jacobians.
+//
+// The tests that the retargeting note asks for (section 13), by its numbers; planted bugs are the mutants
+// "edit*" and "path-edit*" (tests/mutants/mutants.toml):
+//   1  maps              DirectionMaps
+//   2  path by path      EditedClosures.DrawWhatTheyTell, .AreOneBsdfInBothModes; EditedPhases; EditedLamps
+//   3  densities         EditedClosures.DrawWhatTheyTell, EditedPhases.DrawWhatTheyTell, EditedLamps
+//   4  branches          EditBranches, EditedClosures.ScatterWhatTheDefinitionTurns
+//   5  alternatives      EditedClosures.DrawWhatTheyTell; lobes: EditRenderers.ChangeTheLobesThatTheySelect
+//   6  delta vertices    EditedDeltaLobes, EditedLobes (tests/statistical/test_edits.cpp)
+//   7  prefix            EditedWalks, EditedPrefix, EditTable (prefix_*; test_edits_table.cpp)
+//   8  every integrator  EditedLight, EditedByPath, EditedShadingNormals (test_edits.cpp), EditedPlaces
+//                        (test_edits_places.cpp), EditTable; EditRenderers.ScaleWithTheScene,
+//                        .ActFarFromTheOrigin
+//   9  energy            EditedBox (test_edits_energy.cpp), EditedFurnace (test_edits.cpp)
+//   10 identity          EditText.LosesWhatChangesNothing, EditRenderers.KeepBitsOfWhatChangesNothing; the
+//                        guard of instructions (tests/bench/guard.py)
+//   11 weights           TransportWeights.HoldForEdited* and .HoldForEditsByThePath
+//   12 refusals          EditRenderers.RefuseByName, EditText.*, EditSelection.*; fuzz: LettersRequest.Fuzz,
+//                        EditText.SurvivesRandomChanges, EditRenderers.SurviveRandomEdits
+//   13 automata          LettersAutomaton, EditStates
+//   14 layers            Layers, EditedLayers, LayersOf (tests/statistical/test_letters.cpp),
+//   tests/farm/test_layers.cpp
 #pragma once
 
 #include <fmt/format.h>

@@ -91,6 +91,25 @@ TEST(EditRenderers, RefuseByName) {
       << error_of(kBox, "light", light("LDS"));
   EXPECT_NE(error_of(kBox + veil, "path", light("LXX")).find("'veil', which lets light pass straight"),
             std::string::npos);
+  const std::string sky = R"(<emitter type="constant" id="sky"/>)";
+  EXPECT_NE(error_of(kBox + sky, "path", light("L")).find("the lamp 'sky', whose light comes from outside"),
+            std::string::npos)
+      << error_of(kBox + sky, "path", light("L"));
+  EXPECT_EQ(error_of(kBox + sky, "path", light("L{bulb}")), "none");
+  EXPECT_EQ(error_of(kBox, "path", light("LX*")), "none");
+  const std::string fog =
+      R"(<shape type="sphere"><bsdf type="null"/><medium name="interior" type="homogeneous" id="fog"/></shape>)";
+  EXPECT_EQ(error_of(kBox + fog, "path", light("L[XV]*V{fog}")), "none");
+  const auto first = [&](const std::string& select) {
+    return one(R"("direction": "light", "source": "r", "hit": true, "select": ")" + select + '"' + acts);
+  };
+  EXPECT_EQ(error_of(kBox, "path", first("LX*X")), "none");
+  EXPECT_EQ(error_of(kBox, "path", first("LXX")), "none");
+  EXPECT_NE(error_of(kBox + fog, "path", first("LX*X{ball}")).find("the scene has media"), std::string::npos);
+  EXPECT_NE(error_of(kBox + veil, "path", first("LX*X{ball}"))
+                .find("edit 'a' asks what light meets first, and the surface 'veil' lets light pass"),
+            std::string::npos)
+      << error_of(kBox + veil, "path", first("LX*X{ball}"));
   for (const char* integrator : {"upbp", "optimis", "appm", "cppm", "fppm", "vcmplus"})
     EXPECT_NE(error_of(kBox, integrator, light("LX*X"), {}).find(integrator), std::string::npos);
   std::string many = R"({"edits": [)";
@@ -120,6 +139,29 @@ TEST(EditRenderers, PlanTheirEdits) {
       by_path->plan_text()->find("edit 'a': light after LX+S{ball}, by the path: at most 1 of 3 shapes"),
       std::string::npos)
       << *by_path->plan_text();
+}
+
+// Claim: the plan says which lamps and media an edit selects, and that it asks for first surfaces.
+TEST(EditRenderers, PlanLampsAndMedia) {
+  const std::string fog =
+      R"(<shape type="sphere"><bsdf type="null"/><medium name="interior" type="homogeneous" id="fog"/></shape>)";
+  const auto plan_of = [](const std::string& body, const std::string& members) {
+    const test::TextFiles files = files_of(body);
+    return *test::make_renderer(files, job_of("bdpt", one(members)), {{"max_depth", "4"}})->plan_text();
+  };
+  const std::string of_lamps =
+      plan_of(kBox, R"("direction": "light", "select": "L", "source": "r", "hit": true, "scale": 0.5)");
+  EXPECT_NE(of_lamps.find("edit 'a': light after L, 0 of 3 shapes, 1 of 1 lamps, to first surfaces in r, "
+                          "times 0.5"),
+            std::string::npos)
+      << of_lamps;
+  const std::string of_media =
+      plan_of(kBox + fog, R"("direction": "eye", "select": "V{fog}[XV]*E", "scale": 0.5)");
+  EXPECT_NE(of_media.find("edit 'a': gathered at V{fog}[XV]*E, 0 of 4 shapes, 1 of 1 media"),
+            std::string::npos)
+      << of_media;
+  const std::string by_path = plan_of(kBox + fog, R"("direction": "light", "select": "LV", "scale": 0.5)");
+  EXPECT_NE(by_path.find("by the path: at most 0 of 4 shapes, 1 of 1 media"), std::string::npos) << by_path;
 }
 
 // Claim: an edit acts at the same place of the file wherever the scene is: a scene far from the origin, whose
@@ -263,22 +305,37 @@ TEST(EditRenderers, SurviveRandomEdits) {
   const auto any = [&](std::initializer_list<const char*> of) {
     return std::string(of.begin()[stream.next_u32() % of.size()]);
   };
-  const test::TextFiles files = files_of(kBox);
+  const std::string fog =
+      R"(<shape type="cube"><transform name="to_world"><scale value="1.5"/></transform><bsdf type="null"/>
+        <medium name="interior" type="homogeneous" id="fog"><rgb name="sigma_t" value="0.7"/>
+        <phase type="hg"><float name="g" value="0.6"/></phase></medium></shape>
+      <shape type="rectangle" id="panel"><transform name="to_world"><scale value="0.5"/><translate z="-3"/></transform>
+        <emitter type="area"/></shape>
+      <emitter type="spot" id="spot"/>)";
+  const test::TextFiles clear = files_of(kBox), foggy = files_of(kBox + fog);
   const char* const asked = std::getenv("CANDELA_LONG");
   const bool long_form = asked != nullptr && std::string_view(asked) != "0";
-  int rendered = 0, refused = 0, by_path = 0;
+  int rendered = 0, refused = 0, by_path = 0, lamps = 0, media = 0, hits = 0;
   for (int i = 0; i < (long_form ? 1000 : 60); ++i) {
     std::string list;
     for (std::uint32_t n = 1 + stream.next_u32() % 3, k = 0; k < n; ++k) {
       const bool light = stream.next_u32() % 2 == 0;
-      const std::string token =
-          any({"X", "S", "D", "G", "[DG]", "SR", "ST", "X{ball}", "X{walls}", "S{other}", "X@r ", "V", "DX"});
+      const std::string token = any({"X", "S", "D", "G", "[DG]", "SR", "ST", "X{ball}", "X{walls}",
+                                     "S{other}", "X@r ", "V", "V{fog}", "V@r ", "[XV]", "DX"});
       // Selections by the path.
       const std::string between = any({"", "", "", "X", "S", "X{walls}", "X{ball}X", "X@s ", "XX*S"});
       list += std::string(k > 0 ? "," : "") + R"({"name": "n)" + std::to_string(k) + R"(", "direction": ")" +
               (light ? "light" : "eye") + R"(", "select": ")" +
               (light ? "LX*" + between + token : token + between + "X*E") + '"';
-      if (stream.next_u32() % 2 == 0) list += R"(, "source": ")" + any({"r", "s"}) + '"';
+      const bool lamp = light && stream.next_u32() % 4 == 0;
+      if (lamp) {
+        list.erase(list.rfind(R"("LX*)"));
+        list += any({R"("L")", R"("L{bulb}")", R"("L{spot}|L{panel}")", R"("LX*")", R"("L{sky}")"});
+      }
+      if (stream.next_u32() % 2 == 0) {
+        list += R"(, "source": ")" + any({"r", "s"}) + '"';
+        if (stream.next_u32() % 4 == 0) list += R"(, "hit": true)";
+      }
       switch (stream.next_u32() % 4) {
         case 0:
           list += R"(, "rotate": {"axis": )" + point(1) + R"(, "degrees": )" + number(-360, 360) + '}';
@@ -299,6 +356,7 @@ TEST(EditRenderers, SurviveRandomEdits) {
                              R"(]}, "s": {"box": [-4, -4, -4, 0, 0, )" + number(-3, 4) +
                              R"(]}}, "edits": [)" + list + "]}";
     const std::string integrator = any({"path", "light", "path", "light", "bdpt", "vcm", "bpm", "ppm"});
+    const test::TextFiles& files = stream.next_u32() % 2 == 0 ? clear : foggy;
     std::unique_ptr<Renderer> renderer;
     try {
       renderer = test::make_renderer(files, job_of(integrator, text), {{"max_depth", "6"}});
@@ -311,10 +369,18 @@ TEST(EditRenderers, SurviveRandomEdits) {
     const film::SampleCounts sample_counts = film->sample_counts();
     for (const std::uint64_t count : sample_counts.rejected) EXPECT_EQ(count, 0u) << integrator << text;
     ++rendered;
-    by_path += renderer->plan_text()->find("by the path") != std::string::npos ? 1 : 0;
+    const std::string plan = *renderer->plan_text();
+    for (const auto& [words, count] : {std::pair("by the path", &by_path),
+                                       {" lamps", &lamps},
+                                       {" media", &media},
+                                       {"first surfaces", &hits}})
+      *count += plan.find(words) != std::string::npos ? 1 : 0;
   }
   EXPECT_GT(rendered, 15);
   EXPECT_GT(by_path, 3);
+  EXPECT_GT(lamps, 3);
+  EXPECT_GT(media, 3);
+  EXPECT_GT(hits, 1);
   EXPECT_GT(refused, 5);
 }
 

@@ -248,6 +248,7 @@ Result<std::unique_ptr<scene::Scene>> edited_scene(const std::string& body, cons
   return test::build_scene(body, {}, "", options);
 }
 
+template <EdgeContent kEdgeContent = EdgeContent::nothing>
 void expect_literal_weights(const scene::Scene& scene, bool values) {
   WalkRules rules;
   rules.max_edges = 6;
@@ -255,7 +256,7 @@ void expect_literal_weights(const scene::Scene& scene, bool values) {
   rules.film_border = 1;
   rules.eye_paths = static_cast<double>(test::kFilmSize) * test::kFilmSize;
   Findings f;
-  run_all<EdgeContent::nothing>(scene, rules, 400, f);
+  run_all<kEdgeContent>(scene, rules, 400, f);
   std::printf("%zu paths; recursion %.1e, sum %.1e; weights up to %.1e, values up to %.1e\n", f.paths,
               f.largest_recursion_error, f.largest_sum_error, f.weight.largest, f.value.largest);
   EXPECT_GE(f.paths, 200u);
@@ -310,6 +311,37 @@ TEST(TransportWeights, HoldForEditsByThePath) {
   ASSERT_TRUE(scene.ok()) << scene.error().to_string();
   ASSERT_NE((*scene)->objects().path_edits, nullptr);
   expect_literal_weights(**scene, false);
+}
+
+// So it is with edits of lamps, of surfaces and of a medium at once, of the vertex alone and by the path.
+TEST(TransportWeights, HoldForEditedLampsAndMedia) {
+  const std::string body =
+      R"(<shape type="sphere" id="lamp"><point name="center" x="0" y="0.8" z="0"/><float name="radius" value="0.15"/>
+         <emitter type="area"/></shape>
+         <emitter type="spot" id="spot"><transform name="to_world"><lookat origin="-0.6, 0.6, 0.3" target="0, -0.5, 0"
+         up="0, 0, 1"/></transform></emitter>
+         <shape type="cube" id="walls"><bsdf type="twosided"><bsdf type="diffuse"/></bsdf>
+         <medium type="homogeneous" name="interior" id="fog"><rgb name="sigma_t" value="0.8"/>
+         <rgb name="albedo" value="0.9"/><phase type="hg"><float name="g" value="0.4"/></phase></medium></shape>)";
+  const std::string lamps = R"({"regions": {"low": {"sphere": [0, -1, 0, 0.7]}}, "edits": [
+      {"name": "a", "direction": "light", "select": "L{lamp}", "source": "low",
+       "move": {"to": [0.5, -1, 0.4], "normal": [0, 1, 0], "stretch": [1.4, 1, 0.8]}},
+      {"name": "b", "direction": "light", "select": "L", "rotate": {"axis": [0.3, 1, 0.2], "degrees": 15}},)";
+  const auto by_vertex =
+      edited_scene(body, lamps + R"({"name": "c", "direction": "light", "select": "L[XV]*[XV]", "source": "low",
+       "move": {"to": [0.5, -1, 0.4], "stretch": [1.4, 1, 0.8]}},
+      {"name": "d", "direction": "eye", "select": "V[XV]*E", "rotate": {"axis": [1, 0, 0], "degrees": 25},
+       "tint": [1, 0.5, 0.8]}]})");
+  ASSERT_TRUE(by_vertex.ok()) << by_vertex.error().to_string();
+  ASSERT_EQ((*by_vertex)->objects().path_edits, nullptr);
+  expect_literal_weights<EdgeContent::media>(**by_vertex, true);
+  const auto by_path =
+      edited_scene(body, lamps + R"({"name": "c", "direction": "light", "select": "L[XV]V", "source": "low",
+       "move": {"to": [0.5, -1, 0.4], "stretch": [1.4, 1, 0.8]}},
+      {"name": "d", "direction": "eye", "select": "VXE", "rotate": {"axis": [1, 0, 0], "degrees": 25}}]})");
+  ASSERT_TRUE(by_path.ok()) << by_path.error().to_string();
+  ASSERT_NE((*by_path)->objects().path_edits, nullptr);
+  expect_literal_weights<EdgeContent::media>(**by_path, false);
 }
 
 // No scene of the folders has a lens of finite size in a medium.

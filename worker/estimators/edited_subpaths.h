@@ -21,7 +21,7 @@ template <>
 struct EditedSubpaths<true> {
   // Precondition: the scene has such edits.
   explicit EditedSubpaths(const scene::Scene& scene)
-      : scene_(scene), all_(*scene.objects().path_edits), light_{all_}, eye_{all_} {
+      : scene_(scene), all_(*scene.objects().path_edits), light_{scene, all_}, eye_{scene, all_} {
     const auto& emitters = scene.objects().of_emitter;
     for (std::uint32_t emitter = 0; emitter < emitters.size(); ++emitter) {
       bool known = false;
@@ -80,7 +80,8 @@ struct EditedSubpaths<true> {
 
  private:
   struct Side {
-    explicit Side(const scene::PathEdits& edits) : all(edits), start(edits, true), last(&start) {}
+    Side(const scene::Scene& of, const scene::PathEdits& edits)
+        : scene(of), all(edits), start(edits, true), last(&start) {}
 
     scene::EditedWalk& begin() {
       last = &start;
@@ -94,7 +95,7 @@ struct EditedSubpaths<true> {
       if (v.on_surface())
         v.closure = walk.surface(v.hit, v.closure);
       else
-        walk.medium(v.medium, v.hit.p);
+        v.turned = walk.medium(v.medium, scene.medium(v.medium).phase(), v.hit.p, v.closure);
     }
     void leave(std::uint32_t i, const transport::ScatterPoint& v) {
       if (!v.on_surface()) walks[i]->leave_medium();
@@ -103,6 +104,7 @@ struct EditedSubpaths<true> {
       return v.on_surface() ? Spectrum(1) : walks[i]->medium_share();
     }
 
+    const scene::Scene& scene;
     const scene::PathEdits& all;
     scene::EditedWalk start;
     std::vector<std::unique_ptr<scene::EditedWalk>> walks;  // by vertex

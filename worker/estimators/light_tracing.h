@@ -88,7 +88,7 @@ class LightTracing {
       if (v.on_surface())
         v.closure = edits_.surface(v.hit, v.closure);
       else
-        edits_.medium(v.medium, v.hit.p);
+        v.turned = edits_.medium(v.medium, scene_.medium(v.medium).phase(), v.hit.p, v.closure);
     }
     if (!v.connectible) return true;
     // The lens has one edge to come, and a connection to the eye's first vertex two.

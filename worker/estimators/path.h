@@ -33,6 +33,7 @@
 #include "worker/estimators/first_vertex.h"
 #include "worker/estimators/options.h"
 #include "worker/samplers/sampler.h"
+#include "worker/scene/bsdfs/edited.h"
 #include "worker/scene/bsdfs/path_edited.h"
 #include "worker/scene/emitters/light_groups.h"
 #include "worker/scene/emitters/lights.h"
@@ -199,15 +200,52 @@ class PathTracer {
   }
 
   bool scatter_in_medium(const scene::SurfaceHit& here) {
-    const transport::MediumScattering at(scene_.medium(medium_).phase(), -ray_.direction);
+    const scene::Medium& around = scene_.medium(medium_);
+    if constexpr (kEdits) {
+      scene::Closure turned;
+      if (edits_->medium(medium_, around.phase(), here.p, turned)) return scatter_turned(here, turned);
+    } else if (around.edits() != nullptr) [[unlikely]] {
+      scene::Closure turned;
+      if (scene::edited_phase(*around.edits(), around.phase(), here.p, arena_, turned))
+        return scatter_turned(here, turned);
+    }
+    const transport::MediumScattering at(around.phase(), -ray_.direction);
+    return scatter_from_medium(
+        here,
+        [&](Vec3 wi, float& pdf_solid_angle) {
+          Spectrum value = at.value(wi, kMode, pdf_solid_angle);
+          if constexpr (kEdits) value *= edits_->medium_share();
+          return value;
+        },
+        [&] {
+          previous_pdf_solid_angle_ = at.sample(draw_2d(transport::path_block::kDirection), ray_.direction);
+          return true;
+        });
+  }
+
+  // The same if edits turn the light there.
+  [[gnu::noinline]] bool scatter_turned(const scene::SurfaceHit& here, const scene::Closure& closure) {
+    const transport::TurnedScattering at(closure, -ray_.direction);
+    return scatter_from_medium(
+        here, [&](Vec3 wi, float& pdf_solid_angle) { return at.value(wi, kMode, pdf_solid_angle); },
+        [&] {
+          scene::BsdfSample next;
+          const float u_lobe = at.chooses_lobe() ? draw_1d(transport::path_block::kLobe) : 0.0f;
+          if (!at.sample(u_lobe, draw_2d(transport::path_block::kDirection), kMode, next)) return false;
+          throughput_ *= next.weight;
+          previous_pdf_solid_angle_ = next.pdf_solid_angle;
+          ray_.direction = next.wi;
+          return !throughput_.is_black();
+        });
+  }
+
+  // eval_pdf(wi, pdf_solid_angle): the value. draw(): sets the ray's direction and its density, or returns
+  // false.
+  template <class EvalPdf, class Draw>
+  [[gnu::always_inline]] bool scatter_from_medium(const scene::SurfaceHit& here, const EvalPdf& eval_pdf,
+                                                  const Draw& draw) {
     front_ = {};
     ++scatterings_;
-    if constexpr (kEdits) edits_->medium(medium_, here.p);
-    const auto eval_pdf = [&](Vec3 wi, float& pdf_solid_angle) {
-      Spectrum value = at.value(wi, kMode, pdf_solid_angle);
-      if constexpr (kEdits) value *= edits_->medium_share();
-      return value;
-    };
     const auto lit = [&](const scene::DirectSample& light) {
       letters_->lit(sum_, medium_, here.p, {light.wi, light.emitter});
     };
@@ -217,7 +255,7 @@ class PathTracer {
       if (first) sample_first(here, front_, eval_pdf, lit);
     }
     if (!first && next_event_ && depth_ + 1 >= options_.min_edges) sample_light(here, front_, eval_pdf, lit);
-    previous_pdf_solid_angle_ = at.sample(draw_2d(transport::path_block::kDirection), ray_.direction);
+    if (!draw()) return false;
     previous_delta_ = false;
     if constexpr (kEdits) edits_->leave_medium();
     if (!first && !survives(true)) return false;

@@ -17,7 +17,24 @@
 
 namespace candela::scene {
 
+namespace {
+
+class MetByRays final : public FirstSurface {
+ public:
+  explicit MetByRays(const Scene& scene) : scene_(scene) {}
+  bool lies_in(const Cone& region, const Ray& ray, Vec3d offset) const override {
+    SurfaceHit hit;
+    return scene_.intersect(ray, hit) && encloses(region, Vec3d(hit.p) + offset);
+  }
+
+ private:
+  const Scene& scene_;
+};
+
+}  // namespace
+
 struct Scene::Impl : SceneData {
+  std::optional<MetByRays> first_surface;
   std::uint32_t outer_medium = kNone;    // of the space around all surfaces
   bool camera_in_several_media = false;  // or it may be: each ray finds out
   Vec3d offset;
@@ -148,6 +165,7 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
     work_step();
     CANDELA_TRY(builder.emitter(*emitter));
   }
+  if (edited) CANDELA_TRY(builder.edit_lamps(*options.edits));
   impl.lights.finish();
   if (const auto media = sensors[0]->children_of("medium"); !media.empty()) {
     CANDELA_ASSIGN(impl.camera_medium, impl.media.add(media[0], files));
@@ -161,6 +179,8 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
     return scene;
   }
   if (!impl.accel) CANDELA_TRY(build_accel());
+  impl.first_surface.emplace(*scene);
+  impl.edits.first_surface = &*impl.first_surface;
   std::vector<bool> turned;
   for (const Bsdf& bsdf : impl.bsdfs) turned.push_back(bsdf.facts().perturbs);
   impl.points.emplace(impl.geometry, *impl.accel, std::move(turned));

@@ -14,6 +14,7 @@
 #include "common/description/object.h"
 #include "common/description/object_names.h"
 #include "common/description/reading_budget.h"
+#include "common/edits/selection.h"
 #include "common/letters/alphabet.h"
 #include "worker/scene/accel.h"
 #include "worker/scene/bsdfs/bsdf_build.h"
@@ -81,8 +82,10 @@ class SceneBuilder {
   // Puts edits around the bsdfs of the shapes that they select. The objects have names. Call it after
   // shapes(), and add no bsdf later.
   Result<void> edit(const EditRequest& request);
-  // If an edit selects by more of the path than its vertex edit() did nothing, and this makes
-  // objects().path_edits. Call it last.
+  // The same for lamps. Call it after the last emitter, before Lights::finish().
+  Result<void> edit_lamps(const EditRequest& request);
+  // The same for media. If an edit selects by more of the path than its vertex edit() did nothing, and this
+  // makes objects().path_edits. Call it last.
   Result<void> finish_edits(const EditRequest& request);
   Result<void> finish_geometry();
   Result<void> emitter(const description::Object& object);
@@ -154,7 +157,17 @@ class SceneBuilder {
   SceneFeatures& features_;
   SceneObjects& objects_;
   SceneEdits& edits_;
+  Result<std::vector<edits::Selection>> selections_of(const EditRequest& request) const;
+  Result<void> edit_media(const EditRequest& request, const std::vector<edits::Selection>& selections);
+  Result<void> edit_by_path(const EditRequest& request);
+  Result<void> check_first_surfaces(const EditRequest& request) const;
+
   bool edited_ = false;  // edit() found no edits that select by more of the path
+  // By edit: the shapes, lamps and media that it selects.
+  struct Selected {
+    std::size_t shapes = 0, lamps = 0, media = 0;
+  };
+  std::vector<Selected> selected_;
   std::optional<description::ObjectNamesOfScene> names_;  // if somebody asks for them
   std::map<std::pair<letters::ObjectUse, std::vector<std::string>>, std::uint32_t> object_of_names_;
   std::vector<description::MatteShape> matte_shapes_;  // by the index of the shape, if there are names

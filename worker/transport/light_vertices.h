@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "worker/scene/bsdfs/edited.h"
 #include "worker/transport/letters/path_letters.h"
 #include "worker/transport/subpath.h"
 
@@ -81,6 +82,10 @@ class LightVertexBuffer {
       if (v.on_surface()) {
         slot.arena.clear();
         v.closure = scene.closure(v.hit, v.hit.shading.to_local(v.wo), slot.arena);
+      } else {
+        const scene::Medium& around = scene.medium(v.medium);
+        v.turned = around.edits() != nullptr &&
+                   scene::edited_phase(*around.edits(), around.phase(), v.hit.p, slot.arena, v.closure);
       }
       arrive(out.size(), i, v);
       out.add();

@@ -118,7 +118,8 @@ class SurfaceScattering {
   Vec3 wo_, local_wo_;
 };
 
-// In a medium, which scatters radiance and importance alike. The phase function has to outlive it.
+// In a medium without edits, which scatters radiance and importance alike. The phase function has to outlive
+// it. Places that edits turn have a closure (TurnedScattering).
 class MediumScattering {
  public:
   [[gnu::always_inline]] MediumScattering(const scene::Phase& phase, Vec3 wo) : phase_(phase), wo_(wo) {}
@@ -139,6 +140,29 @@ class MediumScattering {
 
  private:
   const scene::Phase& phase_;
+  Vec3 wo_;
+};
+
+// In a medium whose light edits turn: a closure in directions of the world (scene/bsdfs/edited.h).
+class TurnedScattering {
+ public:
+  TurnedScattering(const scene::Closure& closure, Vec3 wo) : closure_(closure), wo_(wo) {}
+
+  Spectrum value(Vec3 wi, TransportMode mode, float& pdf_solid_angle) const {
+    return closure_.eval_pdf(wo_, wi, mode, pdf_solid_angle);
+  }
+  float pdf_solid_angle(Vec3 wi, TransportMode mode) const { return closure_.pdf_solid_angle(wo_, wi, mode); }
+  // The density of the walk the other way, which arrives along wi, going on along wo. mode: of this walk.
+  float pdf_reverse_solid_angle(Vec3 wi, TransportMode mode) const {
+    return closure_.pdf_solid_angle(wi, wo_, other_mode(mode));
+  }
+  bool chooses_lobe() const { return closure_.chooses_lobe(); }
+  bool sample(float u_lobe, Vec2 u, TransportMode mode, scene::BsdfSample& out) const {
+    return closure_.sample(wo_, u_lobe, u, mode, out);
+  }
+
+ private:
+  const scene::Closure& closure_;
   Vec3 wo_;
 };
 

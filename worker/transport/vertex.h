@@ -39,6 +39,8 @@ struct ScatterPoint {
   bool left_by_delta : 1 = false, left_sharply : 1 = false;
   // Light paths: the vertex before is a light that no walk can meet (a point, a direction).
   bool lit_by_delta : 1 = false;
+  // In a medium: edits turn what it scatters, and `closure` is that.
+  bool turned : 1 = false;
   // From the subpath's end point; passing a surface straight counts no edge.
   std::uint32_t edges = 0;
   // In a kept subpath the index of the vertex before; kNone: the end point.
@@ -54,7 +56,7 @@ struct ScatterPoint {
   float arrival = 1;
   // The survival of the edge that the walk arrived by, as weights count it.
   float survival = 1;
-  scene::Closure closure;  // of a surface
+  scene::Closure closure;  // of a surface, or `turned`
 
   bool on_surface() const { return kind == VertexKind::surface; }
   // The factor from a solid-angle density of arriving here along w (unit), at unit distance, to one per area
@@ -76,16 +78,22 @@ static_assert(sizeof(Vertex<NoBlock>) == sizeof(ScatterPoint));
 [[gnu::always_inline]] inline Spectrum scatter_value(const scene::Scene& scene, const ScatterPoint& v,
                                                      Vec3 wo, Vec3 wi, TransportMode mode,
                                                      float& pdf_solid_angle) {
-  if (v.kind == VertexKind::medium)
+  if (v.kind == VertexKind::medium) {
+    if (v.turned) [[unlikely]]
+      return TurnedScattering(v.closure, wo).value(wi, mode, pdf_solid_angle);
     return MediumScattering(scene.medium(v.medium).phase(), wo).value(wi, mode, pdf_solid_angle);
+  }
   return SurfaceScattering(v.hit, v.closure, wo).value(wi, mode, pdf_solid_angle);
 }
 
 // The density alone.
 [[gnu::always_inline]] inline float pdf_scatter_solid_angle(const scene::Scene& scene, const ScatterPoint& v,
                                                             Vec3 wo, Vec3 wi, TransportMode mode) {
-  if (v.kind == VertexKind::medium)
+  if (v.kind == VertexKind::medium) {
+    if (v.turned) [[unlikely]]
+      return TurnedScattering(v.closure, wo).pdf_solid_angle(wi, mode);
     return MediumScattering(scene.medium(v.medium).phase(), wo).pdf_solid_angle(wi);
+  }
   return SurfaceScattering(v.hit, v.closure, wo).pdf_solid_angle(wi, mode);
 }
 

@@ -28,6 +28,7 @@
 #include "common/film/counts.h"
 #include "worker/core/measure.h"
 #include "worker/samplers/sampler.h"
+#include "worker/scene/bsdfs/edited.h"
 #include "worker/transport/between.h"
 #include "worker/transport/draws.h"
 #include "worker/transport/roulette.h"
@@ -136,6 +137,8 @@ class BasicWalk {
   void depart(Vertex& v, float pdf, bool delta, double pdf_reverse, double factor_out);
   // `longest`: of the probability.
   bool survives(float longest);
+  // The direction from a place in a medium whose light edits turn. False: the walk ends.
+  [[gnu::noinline]] bool sample_turned(const Vertex& v, Vec3& wi, float& pdf, float& pdf_reverse);
   // The walk is as bright as one that roulette lets live, but has too many edges.
   void note_bound() {
     if (bounded_ || edges_ < rules_.rr_depth) return;
@@ -280,6 +283,8 @@ auto BasicWalk<Config>::advance(Vertex& v, scene::ClosureArena& arena) -> Event 
         v.connectible = true;
         v.front = {};
         v.arrival = hazard_of(around.sigma_t(v.hit.p));
+        v.turned = around.edits() != nullptr &&
+                   scene::edited_phase(*around.edits(), around.phase(), v.hit.p, arena, v.closure);
         v.throughput = throughput_;
         arrive(v);
         return Event::vertex;
@@ -374,11 +379,16 @@ auto BasicWalk<Config>::scatter(Vertex& v) -> Step {
     if (v.kind == VertexKind::medium) {
       if (v.edges >= max_edges()) return Step::ended;
       Vec3 wi;
-      const float pdf = MediumScattering(scene_.medium(v.medium).phase(), v.wo)
+      float pdf = 0, reverse = 0;
+      if (v.turned) [[unlikely]] {
+        if (!sample_turned(v, wi, pdf, reverse)) return Step::ended;
+      } else {
+        pdf = reverse = MediumScattering(scene_.medium(v.medium).phase(), v.wo)
                             .sample(sampler_.draw_2d(block_ + kDirection, stratify), wi);
+      }
       ++scatterings_;
       v.left_sharply = pdf > kSharpDensity;
-      depart(v, pdf, false, static_cast<double>(pdf), static_cast<double>(v.arrival));
+      depart(v, pdf, false, static_cast<double>(reverse), static_cast<double>(v.arrival));
       if constexpr (Mis::kMergesBeams)
         Mis::add_merges(departure_,
                         Mis::leaving(factors_.medium[v.medium], kFromLight, v.arrival, v.wo, wi, v.survival));
@@ -436,6 +446,20 @@ auto BasicWalk<Config>::scatter(Vertex& v) -> Step {
   ray_ = spawn_ray(v.hit, wi);
   if constexpr (kMedia) medium_ = scene_.medium_beyond(v.hit, ray_.direction, medium_);
   return Step::scattered;
+}
+
+template <class Config>
+bool BasicWalk<Config>::sample_turned(const Vertex& v, Vec3& wi, float& pdf, float& pdf_reverse) {
+  const TurnedScattering at(v.closure, v.wo);
+  scene::BsdfSample next;
+  const float u_lobe = at.chooses_lobe() ? sampler_.draw_1d(block_ + kLobe, stratified()) : 0.0f;
+  if (!at.sample(u_lobe, sampler_.draw_2d(block_ + kDirection, stratified()), kMode, next)) return false;
+  throughput_ *= next.weight;
+  if (throughput_.is_black()) return false;
+  wi = next.wi;
+  pdf = next.pdf_solid_angle;
+  pdf_reverse = at.pdf_reverse_solid_angle(wi, kMode);
+  return true;
 }
 
 template <class Config>

@@ -16,7 +16,7 @@ namespace {
 constexpr float kLast = 0x1.fffffep-1f;
 
 // A new kind that has other closures as parts, or more than two delta lobes, needs a case in delta_choices().
-static_assert(kBsdfKinds == 25, "say here how the new kind divides u_lobe among its lobes");
+static_assert(kBsdfKinds == 26, "say here how the new kind divides u_lobe among its lobes");
 
 // The lobes of a leaf, which has one at each end of its range at most.
 void choices_of_leaf(const Closure& leaf, Vec3 wo, TransportMode mode, LobeRange range, LobeChoices& out) {

@@ -5,6 +5,7 @@
 
 #include "worker/scene/bsdfs/bsdf_build.h"
 #include "worker/scene/bsdfs/edited_branches.h"
+#include "worker/scene/bsdfs/kinds.h"
 
 namespace candela::scene {
 
@@ -33,7 +34,17 @@ Vec3d place_of(const EditedClosure& e) {
 }
 
 bool same_side(const EditedClosure& e, Vec3 a, Vec3 b) {
-  return a.z * b.z > 0 && dot(a, e.ng) * dot(b, e.ng) > 0;
+  return !e.on_surface() || (a.z * b.z > 0 && dot(a, e.ng) * dot(b, e.ng) > 0);
+}
+
+// The edit turns light that is meant for w (unit, world). x: place_of(e).
+bool aims(const EditedClosure& e, const SceneEdits::One& edit, Vec3d x, Vec3d w) {
+  if (!contains(edit.cone, x, w)) return false;
+  if (!edit.hit) return true;
+  const Vec3 d(w), ng = e.shading.to_world(e.ng);
+  const float side = dot(d, ng) < 0 ? -e.error : e.error;  // as spawn_ray()
+  const Vec3 off = e.on_surface() ? ng * side : d * e.error;
+  return e.edits->first_surface->lies_in(edit.cone, {e.p + off, d}, e.edits->offset);
 }
 
 }  // namespace
@@ -53,16 +64,16 @@ void edited::undo(const EditedClosure& e, std::uint16_t bits, Vec3 v, Branches& 
       const Vec3d real = to_world(e, b.w);
       if (!edit.map.turns) {
         before.add(b);
-        if (contains(edit.cone, x, real)) before.at[before.count - 1].factor *= edit.factor;
+        if (aims(e, edit, x, real)) before.at[before.count - 1].factor *= edit.factor;
         continue;
       }
       double jacobian = 1;
       const Vec3d meant = map.backward(real, jacobian);
-      if (contains(edit.cone, x, meant)) {
+      if (aims(e, edit, x, meant)) {
         const Vec3 w = to_local(e, meant);
         if (same_side(e, w, b.w)) before.add({w, b.jacobian * jacobian, b.factor * edit.factor, true});
       }
-      if (!contains(edit.cone, x, real)) before.add(b);
+      if (!aims(e, edit, x, real)) before.add(b);
     }
     out = before;
   }
@@ -76,7 +87,7 @@ bool edited::apply(const EditedClosure& e, std::uint16_t bits, Vec3& w) {
     MapAtVertex map;
     if ((bits >> k & 1) == 0 || !edit.map.turns || !map.set(edit.map, x)) continue;
     const Vec3d meant = to_world(e, w);
-    if (!contains(edit.cone, x, meant)) continue;
+    if (!aims(e, edit, x, meant)) continue;
     const Vec3 o = to_local(e, map.forward(meant));
     if (!same_side(e, o, w)) return false;
     w = o;
@@ -97,22 +108,25 @@ std::uint16_t with(TransportMode mode, const Treatment& t) {
 double quotient(float a, float b) {
   return std::abs(static_cast<double>(a)) / std::max(std::abs(static_cast<double>(b)), 1e-30);
 }
-// |w.g| / |v.g|
+// |w.g| / |v.g|, and the same of the shading normal
 double geometric(const EditedClosure& e, Vec3 w, Vec3 v) {
-  return quotient(dot(w, e.ng), dot(v, e.ng));
+  return e.on_surface() ? quotient(dot(w, e.ng), dot(v, e.ng)) : 1;
+}
+double shaded(const EditedClosure& e, Vec3 w, Vec3 v) {
+  return e.on_surface() ? quotient(w.z, v.z) : 1;
 }
 }  // namespace
 
 double edited::factor_against(const EditedClosure& e, TransportMode mode, Vec3 wo, const Branch& b) {
   if (!b.moved) return 1;
-  return b.jacobian * (mode == TransportMode::radiance ? geometric(e, b.w, wo) : quotient(b.w.z, wo.z));
+  return b.jacobian * (mode == TransportMode::radiance ? geometric(e, b.w, wo) : shaded(e, b.w, wo));
 }
 double edited::gamma(const EditedClosure& e, Vec3 v, const Branch& b) {
   return b.moved ? geometric(e, b.w, v) * b.jacobian : 1;
 }
 double edited::factor_with(const EditedClosure& e, TransportMode mode, Vec3 wi, const Branch& b) {
   if (!b.moved || mode == TransportMode::radiance) return 1;
-  return geometric(e, b.w, wi) * quotient(wi.z, b.w.z);
+  return geometric(e, b.w, wi) * shaded(e, wi, b.w);
 }
 
 namespace {
@@ -356,6 +370,18 @@ void delta_choices(const EditedClosure& e, Vec3 wo, TransportMode mode, LobeRang
   });
 }
 
+bool edited_phase(const SurfaceEdits& edits, const Phase& phase, Vec3 p, ClosureArena& arena, Closure& out) {
+  const std::uint32_t regions =
+      edits.by_regions.size() == 1 ? 0 : edits.scene->regions_at(Vec3d(p) + edits.scene->offset);
+  const SurfaceEdits::Treatments& treatments = edits.by_regions[regions];
+  if (treatments == SurfaceEdits::Treatments{}) return false;
+  arena.clear();
+  Closure& inner = arena.make();
+  inner.set(PhaseClosure{&phase});
+  out.set(EditedClosure{&inner, edits.scene, &treatments, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, p, Vec3{}, 0});
+  return true;
+}
+
 Result<void> EditedSurface::build(const description::Object& object, const BuildContext& /*context*/) {
   return located("an edit is no bsdf plugin", object, "");
 }
@@ -372,7 +398,7 @@ void EditedSurface::prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena,
   part().prepare(hit, wo, arena, inner);
   const bool flat = hit.ng == hit.shading.n;
   out.set(EditedClosure{&inner, edits->scene, &treatments, hit.shading, hit.p,
-                        flat ? Vec3{0, 0, 1} : hit.shading.to_local(hit.ng)});
+                        flat ? Vec3{0, 0, 1} : hit.shading.to_local(hit.ng), hit.error});
   out.black = inner.black;
 }
 

@@ -12,6 +12,8 @@
 // branches the correction differs, and its quotient belongs to the factor.
 //
 // Light that a map would push through the plane of either normal is lost, in all directions of walks alike.
+//
+// In a medium, and at lamps that are points, there is no normal: Gamma_b = J_b, and no light is lost.
 #pragma once
 
 #include <array>
@@ -24,7 +26,9 @@
 #include "worker/scene/bsdfs/delta_lobes.h"
 #include "worker/scene/bsdfs/surface.h"
 #include "worker/scene/edits/direction_map.h"
+#include "worker/scene/edits/first_surface.h"
 #include "worker/scene/hit.h"
+#include "worker/scene/media/phase.h"
 
 namespace candela::scene {
 
@@ -37,16 +41,18 @@ struct SceneEdits {
     DirectionMap map;
     Cone cone;
     Spectrum factor = Spectrum(1);
+    bool hit = false;  // the first surface has to lie in the cone's region
   };
   std::vector<One> edits;     // in the order in which they act
   std::vector<Cone> regions;  // by their bits in expressions
   float glossy_below = 0.3f;
   Vec3d offset;  // a point of the scene and this vector make the point in the file's coordinates
+  const FirstSurface* first_surface = nullptr;  // set before the first question if an edit has `hit`
 
   std::uint32_t regions_at(Vec3d p) const;  // in the file's coordinates
 };
 
-// Edits that one surface has: of each kind of scattering.
+// Edits that one surface has, of each kind of scattering; or one medium, of all kinds the same.
 struct SurfaceEdits {
   static constexpr std::size_t kMax = 4;  // of light, and as many of the eye
   // Bit k: edit k of the list takes part.
@@ -67,8 +73,10 @@ struct EditedClosure {
   const SceneEdits* edits;
   const SurfaceEdits::Treatments* treatments;
   Frame shading;
-  Vec3 p, ng;  // ng in the shading frame
+  Vec3 p, ng;       // ng in the shading frame; zero: there is no surface
+  float error = 0;  // SurfaceHit::error
 
+  bool on_surface() const { return !(ng == Vec3{}); }
   ClosureTraits traits() const;
 };
 Spectrum eval_pdf(const EditedClosure& e, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
@@ -76,6 +84,9 @@ Spectrum eval_diffuse(const EditedClosure& e, Vec3 wo, Vec3 wi, TransportMode mo
 bool sample(const EditedClosure& e, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
 Spectrum passthrough(const EditedClosure& e, Vec3 wo);
 void delta_choices(const EditedClosure& e, Vec3 wo, TransportMode mode, LobeRange range, LobeChoices& out);
+
+// Makes the closure of a place in a medium, a part of it in the arena. False: nothing is edited there.
+bool edited_phase(const SurfaceEdits& edits, const Phase& phase, Vec3 p, ClosureArena& arena, Closure& out);
 
 struct EditedSurface {
   using ClosureType = EditedClosure;

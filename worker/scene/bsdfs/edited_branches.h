@@ -1,5 +1,5 @@
 // Directions that edits turn at a vertex, and back; for the closures of edited bsdfs (edited.h,
-// path_edited.h). All directions are local.
+// path_edited.h), and for edited lamps. All directions are local.
 #pragma once
 
 #include <array>

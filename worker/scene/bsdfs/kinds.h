@@ -22,6 +22,7 @@
 #include "worker/scene/bsdfs/null.h"
 #include "worker/scene/bsdfs/path_edited.h"
 #include "worker/scene/bsdfs/perturbed.h"
+#include "worker/scene/bsdfs/phase_closure.h"
 #include "worker/scene/bsdfs/phong.h"
 #include "worker/scene/bsdfs/plastic.h"
 #include "worker/scene/bsdfs/principled.h"
@@ -44,7 +45,7 @@ using BsdfSurface =
                  PlasticSurface, RoughPlasticSurface, TwoSidedSurface, BlendSurface, MaskSurface,
                  PerturbedSurface, RoughDiffuseSurface, DiffuseTransmitterSurface, LayerSurface,
                  CoatingSurface, RoughCoatingSurface, StrictNormalsSurface, PrincipledThinSurface,
-                 EditedSurface, PathEditedSurface>;
+                 EditedSurface, PathEditedSurface, PhaseSurface>;
 
 inline constexpr std::size_t kBsdfKinds = std::variant_size_v<BsdfSurface>;
 

@@ -6,6 +6,7 @@
 
 #include "worker/scene/bsdfs/bsdf_build.h"
 #include "worker/scene/bsdfs/edited_branches.h"
+#include "worker/scene/bsdfs/kinds.h"
 
 namespace candela::scene {
 
@@ -68,16 +69,31 @@ std::uint32_t EditedWalk::regions_at(Vec3 p) const {
   return all_.edits->regions.empty() ? 0 : all_.edits->regions_at(Vec3d(p) + all_.edits->offset);
 }
 
-void EditedWalk::medium(std::uint32_t medium, Vec3 p) {
+bool EditedWalk::medium(std::uint32_t medium, const Phase& phase, Vec3 p, Closure& out) {
   arrived_ = left_;
   towards_eye();
   const std::uint32_t object = all_.objects->of_medium[medium], regions = regions_at(p);
   medium_ = others().class_of(Letter::volume, Side::none, object, regions);
   in_medium_ = true;
   own_medium_ = own().class_of(Letter::volume, Side::none, object, regions);
+  plain_ = true;
+  for (const edits::PathStates* states : {&all_.of_light, &all_.of_eye}) {
+    const Class c = states == &own() ? own_medium_ : medium_;
+    for (auto& sides : states == &all_.of_light ? light_ : eye_) sides.fill(c);
+    for (std::size_t q = 0; q < states->size(); ++q)
+      plain_ &= states->selected(static_cast<State>(q), c) == 0;
+  }
+  if (plain_) return false;
+  nested_.set(PhaseClosure{&phase});
+  base_ = {&nested_, all_.edits, nullptr, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, p, Vec3{}, 0};
+  one_letter_ = true;
+  letter_ = diffuse;
+  out.set(PathEditedClosure{this});
+  return true;
 }
 
 void EditedWalk::leave_medium() {
+  if (!plain_) return;  // sample() did
   for (std::size_t q = 0; q < others().size(); ++q)
     left_.share[q] = arrived_.share[others().next(static_cast<State>(q), medium_)];
   left_.own = own().next(arrived_.own, own_medium_);
@@ -100,7 +116,8 @@ Closure EditedWalk::surface(const SurfaceHit& hit, const Closure& plain) {
   if (plain.black || !all_.scatters[hit.shape]) return plain;
   const bool flat = hit.ng == hit.shading.n;
   base_ = {&nested_,    all_.edits, nullptr,
-           hit.shading, hit.p,      flat ? Vec3{0, 0, 1} : hit.shading.to_local(hit.ng)};
+           hit.shading, hit.p,      flat ? Vec3{0, 0, 1} : hit.shading.to_local(hit.ng),
+           hit.error};
   const std::uint32_t object = all_.objects->of_shape[hit.shape], regions = regions_at(hit.p);
   plain_ = true;
   for (std::size_t lobe = 0; lobe < 3; ++lobe)

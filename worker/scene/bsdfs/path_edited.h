@@ -27,6 +27,7 @@
 #include "worker/scene/bsdfs/edited.h"
 #include "worker/scene/bsdfs/surface.h"
 #include "worker/scene/hit.h"
+#include "worker/scene/media/phase.h"
 #include "worker/scene/objects.h"
 
 namespace candela::scene {
@@ -62,8 +63,10 @@ class EditedWalk {
   // The closure at the next vertex, from what the scene has there. It is good until the next vertex. Sampling
   // it leaves the vertex; sampling a lobe that passes straight does not.
   Closure surface(const SurfaceHit& hit, const Closure& plain);
-  // The next vertex lies in a medium.
-  void medium(std::uint32_t medium, Vec3 p);
+  // The next vertex lies in a medium. False: nothing is edited there in any state, and `out` is left as it
+  // is. True: `out` is its closure, as that of a surface is, in directions of the world.
+  bool medium(std::uint32_t medium, const Phase& phase, Vec3 p, Closure& out);
+  // Once the walk has left it.
   void leave_medium();
 
   // Sets the other end of the connection: all that its closure evaluates from now on holds for that. The
@@ -89,8 +92,10 @@ class EditedWalk {
     left_.own = own;
     std::copy(shares.begin(), shares.end(), left_.share.begin());
   }
-  // Share of a connection of the vertex in the medium.
-  Spectrum medium_share() const { return arrived_.share[others().next(other_, medium_)]; }
+  // Share of a connection of the vertex in the medium, beside the value of its closure if it has one.
+  Spectrum medium_share() const {
+    return plain_ ? arrived_.share[others().next(other_, medium_)] : Spectrum(1);
+  }
   // Shares of the edge under way that ends at the lamp, and at the lens.
   Spectrum share_at_lamp(std::uint32_t emitter) const { return left_.share[at_lamp(emitter)]; }
   Spectrum share_at_eye() const { return left_.share[all_.of_eye.at_eye()]; }

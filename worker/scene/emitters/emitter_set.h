@@ -20,6 +20,7 @@
 #include "worker/scene/emitters/cylinder.h"
 #include "worker/scene/emitters/directional.h"
 #include "worker/scene/emitters/disk.h"
+#include "worker/scene/emitters/edited_light.h"
 #include "worker/scene/emitters/environment.h"
 #include "worker/scene/emitters/goniometric.h"
 #include "worker/scene/emitters/mesh.h"
@@ -31,8 +32,9 @@
 
 namespace candela::scene {
 
-using Emitter = std::variant<RectangleLight, SphereLight, DiskLight, CylinderLight, MeshLight, PointLight,
-                             SpotLight, ProjectorLight, GoniometricLight, DirectionalLight, Environment>;
+using Emitter =
+    std::variant<RectangleLight, SphereLight, DiskLight, CylinderLight, MeshLight, PointLight, SpotLight,
+                 ProjectorLight, GoniometricLight, DirectionalLight, Environment, EditedLight>;
 
 inline constexpr std::size_t kEmitterKinds = std::variant_size_v<Emitter>;
 
@@ -95,6 +97,9 @@ Result<std::optional<Emitter>> build_emitter(const description::Object& object, 
 Emitter make_area_light(const Geometry& geometry, std::uint32_t shape, const Rectangle* rectangle,
                         const ColorTexture& radiance);
 
+// The emitter, which is not infinite, with the edits in `bits`; scene_size: the largest coordinate.
+Emitter edited_light(Emitter light, const SceneEdits& edits, std::uint16_t bits, double scene_size);
+
 class EmitterSet {
   template <class Visitor>
   decltype(auto) visit(std::uint32_t i, Visitor&& visitor) const {
@@ -103,6 +108,10 @@ class EmitterSet {
 
  public:
   std::uint32_t add(Emitter emitter);
+  // See edited_light().
+  void edit(std::uint32_t i, const SceneEdits& edits, std::uint16_t bits, double scene_size) {
+    emitters_[i] = edited_light(std::move(emitters_[i]), edits, bits, scene_size);
+  }
 
   std::size_t size() const { return emitters_.size(); }
   bool empty() const { return emitters_.empty(); }
@@ -115,7 +124,12 @@ class EmitterSet {
     return visit(i, [](const auto& e) { return e.kInfinite; });
   }
   bool reads_rest(std::uint32_t i) const {
-    return visit(i, [](const auto& e) { return e.kReadsRest; });
+    return visit(i, [](const auto& e) {
+      if constexpr (requires { e.reads_rest(); })
+        return e.reads_rest();
+      else
+        return e.kReadsRest;
+    });
   }
 
   DirectOutcome sample_direct(std::uint32_t i, const SurfaceHit& reference, Vec3 front, double rest, Vec2 u,
@@ -152,9 +166,15 @@ class EmitterSet {
     return visit(i,
                  [&](const auto& e) { return e.sample_emission(scene, rest, u_position, u_direction, out); });
   }
-  // The densities of light leaving along d from a place where the emitter's normal is ng.
-  bool pdf_emission(std::uint32_t i, const SceneExtent& scene, Vec3 ng, Vec3 d, EmissionDensity& out) const {
-    return visit(i, [&](const auto& e) { return e.pdf_emission(scene, ng, d, out); });
+  // The densities of light leaving along d from a place p where the emitter's normal is ng.
+  bool pdf_emission(std::uint32_t i, const SceneExtent& scene, Vec3 p, Vec3 ng, Vec3 d,
+                    EmissionDensity& out) const {
+    return visit(i, [&](const auto& e) {
+      if constexpr (requires { e.pdf_emission_at(scene, p, ng, d, out); })
+        return e.pdf_emission_at(scene, p, ng, d, out);
+      else
+        return e.pdf_emission(scene, ng, d, out);
+    });
   }
 
   // Radiance of emitter hit.emitter from its surface at `hit` towards wo; black where it has no surface.

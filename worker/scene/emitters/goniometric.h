@@ -77,12 +77,13 @@ class GoniometricLight {
 
   // Upper bound of the intensity, W / sr.
   Spectrum peak() const { return intensity_ * picture_->maximum(); }
+  // W / sr towards d (unit, world).
+  Spectrum intensity(Vec3 d) const { return intensity_ * picture_->value(frame_.to_local(d)); }
+  Vec3 position() const { return position_; }
   bool black() const { return intensity_.is_black() || !(picture_->mean() > 0); }
   float max_radiance(double scene_radius) const { return radiance_of_point(peak(), scene_radius); }
 
  private:
-  Spectrum intensity(Vec3 d) const { return intensity_ * picture_->value(frame_.to_local(d)); }
-
   Vec3 position_;
   Frame frame_;
   Spectrum intensity_;

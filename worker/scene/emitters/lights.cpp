@@ -6,6 +6,11 @@
 
 namespace candela::scene {
 
+void Lights::edit(std::uint32_t emitter, const SceneEdits& edits, std::uint16_t bits) {
+  const Vec3d center = geometry_->bounds.center();
+  emitters_.edit(emitter, edits, bits, geometry_->bounds.radius() + length(center));
+}
+
 void Lights::finish() {
   extent_.center = geometry_->bounds.center();
   extent_.radius = std::max(geometry_->bounds.radius(), 1e-12) * (1 + 1e-5);
@@ -195,14 +200,14 @@ bool Lights::pdf_emission(const SurfaceHit& hit, Vec3 d, EmissionDensity& out) c
   out = {};
   if (hit.emitter == kNone) return false;
   out.prob = prob_emission(hit.emitter);
-  return emitters_.pdf_emission(hit.emitter, extent_, hit.ng, d, out);
+  return emitters_.pdf_emission(hit.emitter, extent_, hit.p, hit.ng, d, out);
 }
 
 bool Lights::pdf_emission(const DirectSample& light, EmissionDensity& out) const {
   if (emitters_.is_environment(light.emitter)) return pdf_emission_environment(light.wi, out);
   out = {};
   out.prob = prob_emission(light.emitter);
-  return emitters_.pdf_emission(light.emitter, extent_, light.ng, -light.wi, out);
+  return emitters_.pdf_emission(light.emitter, extent_, light.p, light.ng, -light.wi, out);
 }
 
 bool Lights::sample_emission(float u_select, Vec2 u_position, Vec2 u_direction, EmissionSample& out) const {

@@ -45,6 +45,8 @@ class Lights {
     return add(make_area_light(*geometry_, shape, rectangle, radiance));
   }
   std::uint32_t add(Emitter emitter) { return emitters_.add(std::move(emitter)); }
+  // The edits in `bits` turn the light of an emitter, which is not infinite. Before finish().
+  void edit(std::uint32_t emitter, const SceneEdits& edits, std::uint16_t bits);
   // After the last add: distances and powers need the scene's extent.
   void finish();
 

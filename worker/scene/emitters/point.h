@@ -41,6 +41,9 @@ class PointLight {
 
   Spectrum power(const SceneExtent& /*scene*/) const { return intensity_ * (4 * math::kPi); }
   LightBounds bounds(const Geometry& geometry) const;
+  Spectrum intensity(Vec3 /*d*/) const { return intensity_; }
+  Spectrum peak() const { return intensity_; }
+  Vec3 position() const { return position_; }
   bool black() const { return intensity_.is_black(); }
   float max_radiance(double scene_radius) const { return radiance_of_point(intensity_, scene_radius); }
   float importance(Vec3 p, Vec3 front) const {

@@ -53,6 +53,9 @@ class ProjectorLight {
 
   // W / sr, in no direction more.
   Spectrum peak() const;
+  // W / sr towards d (unit, world).
+  Spectrum intensity(Vec3 d) const;
+  Vec3 position() const { return position_; }
   bool black() const { return !(luminance(peak()) > 0); }
   float max_radiance(double scene_radius) const { return radiance_of_point(peak(), scene_radius); }
   // The power by a quadrature of steps x steps places in the picture.
@@ -61,7 +64,6 @@ class ProjectorLight {
  private:
   // False: d (unit, world) leaves beside the picture.
   bool picture_place(Vec3 d, Vec2& uv, float& cosine) const;
-  Spectrum intensity(Vec3 d) const;
   float pdf_solid_angle(Vec3 d) const;
 
   Vec3 position_;

@@ -48,12 +48,13 @@ class SpotLight {
   }
 
   Spectrum peak() const { return intensity_ * texture_.maximum(); }
+  // W / sr towards d (unit, world).
+  Spectrum intensity(Vec3 d) const;
+  Vec3 position() const { return position_; }
   bool black() const { return !(luminance(peak()) > 0); }
   float max_radiance(double scene_radius) const { return radiance_of_point(peak(), scene_radius); }
 
  private:
-  // W / sr towards d (unit, world).
-  Spectrum intensity(Vec3 d) const;
   // Uniform in the cone, with its density.
   Vec3 sample(Vec2 u) const;
   float pdf_solid_angle(Vec3 d) const;

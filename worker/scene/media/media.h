@@ -3,6 +3,8 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
+#include <utility>
 #include <vector>
 
 #include "common/base/result.h"
@@ -21,6 +23,9 @@ class Media {
  public:
   const Medium& operator[](std::uint32_t medium) const { return media_[medium]; }
   std::size_t size() const { return media_.size(); }
+  void edit(std::uint32_t medium, std::shared_ptr<const SurfaceEdits> edits) {
+    media_[medium].edit(std::move(edits));
+  }
   // Their objects with their indices.
   const std::map<description::ObjectPtr, std::uint32_t>& known() const { return known_; }
 

@@ -11,6 +11,7 @@
 
 #include <array>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "common/base/result.h"
@@ -22,6 +23,8 @@
 #include "worker/scene/media/volume.h"
 
 namespace candela::scene {
+
+struct SurfaceEdits;  // bsdfs/edited.h
 
 // Distance that light, or a walk, gets along a ray before it interacts.
 struct DistanceSample {
@@ -37,6 +40,10 @@ class Medium {
   Medium(Volume sigma_t, float scale, Volume albedo, Phase phase);
 
   const Phase& phase() const { return phase_; }
+  // Edits of what it scatters; null: none. Edits that select by more of the path than the vertex are not
+  // here (bsdfs/path_edited.h).
+  const SurfaceEdits* edits() const { return edits_.get(); }
+  void edit(std::shared_ptr<const SurfaceEdits> edits) { edits_ = std::move(edits); }
   bool homogeneous() const { return tracking_ == nullptr; }
   // Homogeneous, with the same sigma_t in all channels.
   bool gray() const { return gray_; }
@@ -87,6 +94,7 @@ class Medium {
   Volume albedo_;
   Phase phase_;
   std::shared_ptr<const Tracking> tracking_;  // null: homogeneous
+  std::shared_ptr<const SurfaceEdits> edits_;
   bool gray_ = false;
 };
 

@@ -8,6 +8,7 @@
 
 #include "worker/core/math.h"
 #include "worker/scene/bsdfs/delta_lobes.h"
+#include "worker/scene/bsdfs/edited.h"
 #include "worker/scene/bsdfs/path_edited.h"
 #include "worker/scene/objects.h"
 #include "worker/transport/between.h"
@@ -321,9 +322,10 @@ void Evaluation::evaluate_inner(std::size_t i) {
     n.medium[i] = v.medium;
     n.beam_sine[i] = length(cross(Vec3d(to_light), Vec3d(to_eye)));
     n.factor_to_eye[i] = n.factor_to_light[i] = std::max(mean(sigma_t), 1e-30);
+    x.value = sigma_t;
+    if (evaluate_turned(i, medium, to_light, to_eye)) return;
     n.pdf_to_eye[i] = static_cast<double>(medium.phase().pdf_solid_angle(to_light, to_eye));
     n.pdf_to_light[i] = static_cast<double>(medium.phase().pdf_solid_angle(to_eye, to_light));
-    x.value = sigma_t;
     multiply(x.value, channels(medium.albedo(v.hit.p)),
              static_cast<double>(medium.phase().eval(to_eye, to_light)));
   } else {
@@ -362,6 +364,38 @@ void Evaluation::evaluate_inner(std::size_t i) {
   }
   x.prob_to_eye = n.pdf_to_eye[i];
   x.prob_to_light = n.pdf_to_light[i];
+}
+
+// A place in a medium whose light edits turn; as surfaces with edits.
+bool Evaluation::evaluate_turned(std::size_t i, const scene::Medium& medium, Vec3 to_light, Vec3 to_eye) {
+  const InnerVertex& v = path_.inner[i - 1];
+  scene::ClosureArena arena_light, arena_eye;
+  scene::Closure from_light, from_eye;
+  std::optional<scene::EditedWalk> light_walk, eye_walk;
+  if (const scene::PathEdits* edits = scene_.objects().path_edits.get()) {
+    light_walk.emplace(*edits, true);
+    light_walk->begin_at_lamp(0);
+    if (!light_walk->medium(v.medium, medium.phase(), v.hit.p, from_light)) return false;
+    eye_walk.emplace(*edits, true);
+    eye_walk->begin_at_eye();
+    eye_walk->medium(v.medium, medium.phase(), v.hit.p, from_eye);
+    eye_walk->towards_lamp(0);
+  } else {
+    if (medium.edits() == nullptr) return false;
+    if (!scene::edited_phase(*medium.edits(), medium.phase(), v.hit.p, arena_light, from_light)) return false;
+    scene::edited_phase(*medium.edits(), medium.phase(), v.hit.p, arena_eye, from_eye);
+  }
+  const TurnedScattering light(from_light, to_light), eye(from_eye, to_eye);
+  PathNumbers& n = numbers_;
+  Inner& x = inner_[i - 1];
+  n.pdf_to_eye[i] = static_cast<double>(light.pdf_solid_angle(to_eye, TransportMode::importance));
+  float pdf = 0;
+  multiply(x.value, channels(medium.albedo(v.hit.p)));
+  multiply(x.value, channels(eye.value(to_light, TransportMode::radiance, pdf)));
+  n.pdf_to_light[i] = static_cast<double>(pdf);
+  x.prob_to_eye = n.pdf_to_eye[i];
+  x.prob_to_light = n.pdf_to_light[i];
+  return true;
 }
 
 void Evaluation::evaluate_delta(std::size_t i, const scene::Closure& from_light,
@@ -431,6 +465,7 @@ void Evaluation::evaluate_light() {
   scene::DirectSample seen;
   seen.wi = -path_.along[0];
   seen.emitter = path_.light.emitter;
+  seen.p = path_.light.p;
   if (on_surface)
     emits = scene_.pdf_emission(path_.light, path_.along[0], emission);
   else if (delta)

@@ -113,6 +113,8 @@ class Evaluation {
   bool follow_edge(std::size_t i);
   void assign_media();
   void evaluate_inner(std::size_t i);
+  // False: nothing is edited there.
+  bool evaluate_turned(std::size_t i, const scene::Medium& medium, Vec3 to_light, Vec3 to_eye);
   void evaluate_delta(std::size_t i, const scene::Closure& from_light, const scene::Closure& from_eye,
                       Vec3 to_light, Vec3 to_eye);
   void evaluate_cone(std::size_t i, const scene::Closure& from_light, const scene::Closure& from_eye);

@@ -136,6 +136,8 @@ class MediumMerge {
 
   void operator()(const Photon<Block>& photon, float d2) {
     if (photon.medium() != v_.medium || photon.edges > max_edges_) return;
+    if (v_.turned) [[unlikely]]
+      return merge_turned(photon, d2);
     const float phase = scattering_.value(photon.wo);
     if (maps_.leaves(photon, phase)) return;  // the phase function is its density
     float kernel = scale_.ball.value(d2);
@@ -161,6 +163,29 @@ class MediumMerge {
   Spectrum sum;
 
  private:
+  // The same at a place whose light edits turn.
+  [[gnu::noinline]] void merge_turned(const Photon<Block>& photon, float d2) {
+    const TurnedScattering scattering(v_.closure, v_.wo);
+    const Spectrum flux = flux_of(photon);  // which tells the closure the photon's state
+    float pdf = 0;
+    const Spectrum value = scattering.value(photon.wo, TransportMode::radiance, pdf) * flux;
+    if (value.is_black() || maps_.leaves(photon, pdf)) return;
+    float kernel = scale_.ball.value(d2);
+    if constexpr (Statistics::kReaches) kernel = within(d2, scale_.ball_radius) ? kernel : 0;
+    float weight = 1;
+    if constexpr (Mis::kWeighs) {
+      const auto reverse =
+          static_cast<double>(scattering.pdf_reverse_solid_angle(photon.wo, TransportMode::radiance));
+      weight = static_cast<float>(merge_weight(
+          scale_.eta.medium, Mis::sum(photon.weights.block(), static_cast<double>(pdf), scale_.eta),
+          Mis::sum(v_.mis, reverse, scale_.eta)));
+    }
+    const Spectrum found = value * (weight * kernel);
+    sum += found;
+    if constexpr (kLetters) letters_.add(v_, photon.wo, maps_.medium->states(photon), found);
+    if constexpr (Statistics::kCollects)
+      statistics_.add(maps_.medium->position(photon) - v_.hit.p, value, weight, kernel);
+  }
   decltype(auto) flux_of(const Photon<Block>& photon) {
     if constexpr (Edits::kEdits) {
       edits_.meet(v_, maps_.medium->number(photon));
