@@ -12,9 +12,12 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "tests/statistical/moments.h"
 #include "tests/unit/scene_fixture.h"
 #include "worker/mcmc/path_space.h"
 
@@ -165,6 +168,18 @@ Mutated mutate(PathSpace& space, std::uint64_t count, bool also_regular) {
   return out;
 }
 
+std::unique_ptr<scene::Scene> scene_of(const std::string& room) {
+  scene::Scene::Options options;
+  options.film_width = options.film_height = kSide;
+  auto scene = test::build_scene(room, {}, kCamera, options);
+  if (!scene.ok()) throw std::runtime_error(scene.error().to_string());
+  return std::move(*scene);
+}
+bool long_form() {
+  const char* const asked = std::getenv("CANDELA_LONG");
+  return asked != nullptr && std::string(asked) != "0";
+}
+
 // Edges of the paths: with two edges most mollified paths are images of the lamp.
 struct Lengths {
   std::uint32_t min, max;
@@ -188,8 +203,6 @@ void expect_balance(const std::string& name, PathSpace& space, std::uint64_t cou
 }
 
 TEST(MollifiedPaths, MutationsHaveTheirDensity) {
-  const char* const asked = std::getenv("CANDELA_LONG");
-  const bool is_long = asked != nullptr && std::string(asked) != "0";
   std::vector<MutatorShare> all;
   for (const MutatorEntry& entry : mutators()) all.push_back({&entry, 1});
   for (const MutatorPreset& preset : mutator_presets())
@@ -197,20 +210,45 @@ TEST(MollifiedPaths, MutationsHaveTheirDensity) {
       for (const MutatorEntry& entry : preset.mutations.subspan(3))
         all.push_back({&entry, 1});  // of segments
   for (const auto& [room, of] : {std::pair{plastic_room(), "plastic"}, {mixed_room(), "mixed"}}) {
-    scene::Scene::Options options;
-    options.film_width = options.film_height = kSide;
-    const auto scene = test::build_scene(room, {}, kCamera, options);
-    ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+    const auto scene = scene_of(room);
     for (const Lengths lengths : {Lengths{2, 4}, Lengths{3, 5}})
       for (const MutatorShare& one : all) {
         const bool bidirectional = one.entry == &mutators().front();
-        PathSpace space({**scene, kSide, kSide, 0, lengths.min, lengths.max,
-                         0.3 * static_cast<double>((*scene)->features().radius)},
+        PathSpace space({*scene, kSide, kSide, 0, lengths.min, lengths.max,
+                         0.3 * static_cast<double>(scene->features().radius)},
                         {&one, 1});
         const std::uint64_t count = bidirectional ? 100000 : 20000;
         expect_balance(fmt::format("{} {}, {} to {} edges", of, one.entry->name, lengths.min, lengths.max),
-                       space, is_long ? 20 * count : count, bidirectional);
+                       space, long_form() ? 20 * count : count, bidirectional);
       }
+  }
+}
+
+// Claim: independent paths bring the light that bidirectional path tracing finds with the same radius, which
+// knows nothing of their densities: mollified light, and the other light of surfaces with both kinds of
+// lobes.
+TEST(MollifiedPaths, IndependentPathsHaveTheLightOfBdpt) {
+  struct Light {
+    std::string room;
+    // By bdpt, regularise_layer=true; standard errors are at most 0.4 %.
+    double mollified, regular;
+  };
+  for (const Light& one : {Light{plastic_room(), 0.011625, 0.14193}, Light{mixed_room(), 0.1842, 0.1326}}) {
+    const auto scene = scene_of(one.room);
+    PathSpace space({*scene, kSide, kSide, 0, 2, 4, 0.3 * static_cast<double>(scene->features().radius)}, {});
+    statistical::Moments mollified, regular;
+    SplatList list;
+    for (std::uint64_t key = 0; key < (long_form() ? 4000000U : 400000U); ++key) {
+      space.start(rng::key(45, 510, key), list);
+      mollified.add(list.mollified_scalar());
+      regular.add(list.scalar() - list.mollified_scalar());
+    }
+    std::printf("mollified %.4f +- %.4f, regular %.4f +- %.4f of bdpt's\n", mollified.mean() / one.mollified,
+                mollified.error() / one.mollified, regular.mean() / one.regular,
+                regular.error() / one.regular);
+    EXPECT_NEAR(mollified.mean(), one.mollified, 5 * mollified.error() + 0.03 * one.mollified);
+    EXPECT_NEAR(regular.mean(), one.regular, 5 * regular.error() + 0.01 * one.regular);
+    EXPECT_LT(mollified.error(), 0.09 * one.mollified);
   }
 }
 
