@@ -58,7 +58,7 @@ TEST(RegularisedBias, IsAQuarterOfTheSquare) {
   const double half = std::tan(kFov / 2 * std::numbers::pi / 180);
   const double distance = test::SceneT::kD - test::SceneT::kBeforeB + kBeforeB;
   const double exact = test::SceneT::kIntensity / (distance * distance) / (4 * half * half);
-  const std::uint64_t effort = long_form() ? 16 : 1;
+  const std::uint64_t effort = long_form() ? 4 : 1;
   const std::vector<BiasCase> all{
       {"path", kBeforeB, 64},
       {"bdpt", test::SceneT::kBeforeA, 64},
@@ -99,7 +99,7 @@ TEST(RegularisedBias, IsAQuarterOfTheSquare) {
       std::printf("%s %s r/l %.2f: predicted %.4f, measured %.4f +- %.4f\n", one.integrator.c_str(),
                   preset == one.settings.end() ? "" : preset->second.c_str(), ratio, -q / 4, bias, error);
       EXPECT_NEAR(bias, -q / 4, 5 * error + q * q / 2) << one.integrator << " " << ratio;
-      EXPECT_LT(error, long_form() ? 0.015 : 0.06) << one.integrator << " " << ratio;
+      EXPECT_LT(error, long_form() ? 0.05 : 0.06) << one.integrator << " " << ratio;
     }
   }
 }
