@@ -57,13 +57,13 @@ struct SceneT {
   static constexpr double kD = 3.4, kBeforeB = 0.8, kBeforeA = 1.0, kIntensity = 5;
 };
 // The scene of this size, moved: the lamp's intensity grows with the square of the size, so that pictures do
-// not change.
-inline SceneText scene_t(double fov, double size = 1, Vec3d moved = {}) {
+// not change. before_b: the length of the edge between the lamp and mirror B.
+inline SceneText scene_t(double fov, double size = 1, Vec3d moved = {}, double before_b = SceneT::kBeforeB) {
   const Vec3d na = normalize(Vec3d(0.3, 0, 1)), nb = normalize(Vec3d(-0.4, 0.2, 1));
   // The light's path unfolds to the z axis: first the direction behind A, then that behind B.
   const Vec3d first = mirrored(Vec3d(0, 0, 1), {}, na), second = mirrored(first, {}, nb);
   const Vec3d eye = moved, a = moved + Vec3d(0, 0, size), b = a + first * (1.6 * size),
-              lamp = b + second * (SceneT::kBeforeB * size);
+              lamp = b + second * (before_b * size);
   return {camera(eye, {0, 0, 1}, fov, 0.001 * size),
           square(a, -na, 0.7 * size, kMirror) + square(b, nb, 0.7 * size, kMirror) +
               fmt::format("<emitter type=\"spot\"><rgb name=\"intensity\" value=\"{}\"/><float "
