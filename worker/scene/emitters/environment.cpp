@@ -62,7 +62,7 @@ struct Environment::Map {
 
 namespace {
 
-Error located(std::string message, const description::Object& object, std::string_view property) {
+Error error_at(std::string message, const description::Object& object, std::string_view property) {
   description::Location where = object.where;
   if (const description::Property* p = object.find(property)) where = p->where;
   return input_error(std::move(message)).at(where.file, where.line).with_field(std::string(property));
@@ -78,7 +78,7 @@ Result<Frame> directions(const description::Object& object) {
     const double l = length(axis[c]);
     if (!(l > 0) || !(std::abs(l - len) <= 1e-4 * len) ||
         !(std::abs(dot(axis[c], axis[(c + 1) % 3])) <= 1e-4 * len * len)) {
-      return located(
+      return error_at(
           "the to_world of an environment rotates, mirrors or scales evenly; this one shears or stretches",
           object, "to_world");
     }
@@ -148,21 +148,21 @@ Result<std::shared_ptr<const TexelImage>> image_of(const description::Object& ob
     return std::shared_ptr<const TexelImage>(std::make_shared<const TexelImage>(std::move(image)));
   }
   if (object.plugin != "envmap")
-    return located("'" + object.plugin + "' is no environment emitter", object, "");
+    return error_at("'" + object.plugin + "' is no environment emitter", object, "");
   const std::string file = object.get_string("filename", "");
-  if (file.empty()) return located("an envmap needs a file", object, "filename");
+  if (file.empty()) return error_at("an envmap needs a file", object, "filename");
   const description::Property* named = object.find("filename");
   CANDELA_ASSIGN(std::shared_ptr<const TexelImage> image,
                  textures.image(file, {}, named != nullptr ? named->where : object.where));
   if (object.get_string("mapping", "latlong") == "equalarea") {
     if (image->width != image->height || image->width > 65536)
-      return located("a picture of the mapping 'equalarea' is square, of at most 65536 pixels a side", object,
-                     "filename");
+      return error_at("a picture of the mapping 'equalarea' is square, of at most 65536 pixels a side",
+                      object, "filename");
     CANDELA_ASSIGN(TexelImage rows, latitude_longitude(*image, textures.scratch()));
     return std::shared_ptr<const TexelImage>(std::make_shared<const TexelImage>(std::move(rows)));
   }
   if (image->width < 2 || image->height < 3)
-    return located("an environment map has at least 2 x 3 pixels", object, "filename");
+    return error_at("an environment map has at least 2 x 3 pixels", object, "filename");
   return image;
 }
 
@@ -179,16 +179,16 @@ Result<Environment> Environment::build(const description::Object& object, Textur
   if (object.plugin == "constant") {
     CANDELA_ASSIGN(const ColorTexture color, textures.color(object, "radiance", Spectrum(1)));
     if (!color.is_constant())
-      return located("the radiance of a constant emitter is one color", object, "radiance");
+      return error_at("the radiance of a constant emitter is one color", object, "radiance");
     return constant(color.constant);
   }
   CANDELA_ASSIGN(const std::shared_ptr<const TexelImage> image, image_of(object, textures));
   double scale = is_daylight(object) ? 1.0 : object.get_number("scale", 1);
   const bool to_illuminance = object.find("illuminance") != nullptr;
   if (to_illuminance && object.get_string("mapping", "latlong") != "equalarea")
-    return located("illuminance needs the mapping 'equalarea'", object, "illuminance");
+    return error_at("illuminance needs the mapping 'equalarea'", object, "illuminance");
   if (!(scale >= 0) || !std::isfinite(static_cast<float>(scale))) {
-    return located("the scale is finite and not negative", object, "scale");
+    return error_at("the scale is finite and not negative", object, "scale");
   }
   auto map = std::make_shared<Map>();
   CANDELA_ASSIGN(map->to_world, directions(object));
@@ -254,14 +254,14 @@ Result<Environment> Environment::build(const description::Object& object, Textur
   if (to_illuminance) {
     scale = object.get_number("illuminance", 0) / onto_plane;
     if (!std::isfinite(static_cast<float>(scale)))
-      return located("the upper half of the picture is black", object, "illuminance");
+      return error_at("the upper half of the picture is black", object, "illuminance");
   }
   map->scale = static_cast<float>(scale);
   const double to_mean = scale / (4 * 4 * std::numbers::pi);
   const Spectrum m = {static_cast<float>(mean[0] * to_mean), static_cast<float>(mean[1] * to_mean),
                       static_cast<float>(mean[2] * to_mean)};
   if (!std::isfinite(m.r) || !std::isfinite(m.g) || !std::isfinite(m.b)) {
-    return located("the map's values times scale leave the range of floats", object, "scale");
+    return error_at("the map's values times scale leave the range of floats", object, "scale");
   }
   if (!make_cdf(row_weights, map->row_cdf.data()) || m.is_black()) return constant(Spectrum());
   e.mean_radiance_ = m;
