@@ -1,4 +1,4 @@
-// Jobs of `candela inspect` on a farm.
+// Maps of `candela inspect sphere` made by jobs on a farm.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -110,21 +110,6 @@ INSTANTIATE_TEST_SUITE_P(
                           "--edits",      kEdit},
                          ".vol",
                          {"mean", "crossing"},
-                         0.1,
-                         false},
-                    Tool{"paths",
-                         {"paths",    scene_path("cornell"),
-                          "--size",   "48x32",
-                          "--crop",   "8,0,32,32",
-                          "--pixels", "8,8,19,19",
-                          "--spp",    "60",
-                          "--set",    "max_depth=4",
-                          "--by",     "object",
-                          "--select", "LX+E",
-                          "--region", "box:-1,-1,-1,1,0.5,1",
-                          "--edits",  kEdit},
-                         ".json",
-                         {"mean"},
                          0.1,
                          false}),
     [](const auto& one) { return one.param.name; });

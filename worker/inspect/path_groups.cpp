@@ -69,14 +69,6 @@ std::vector<StringGroup> group_strings(const std::map<PathString, Cluster>& clus
   return closed;
 }
 
-bool is_narrower(const PathString& a, const PathString& b) {
-  const auto rank = [](char32_t code) {
-    return std::pair(token_of(code).object == letters::kNoObject, code);
-  };
-  return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end(),
-                                      [&](char32_t x, char32_t y) { return rank(x) < rank(y); });
-}
-
 std::string text_of(const Token& token, const Session& session) {
   constexpr std::array<std::string_view, 6> kLetters = {"L", "E", "D", "G", "S", "V"};
   const bool any_surface = token.letter == Letter::diffuse && token.side == Side::none;

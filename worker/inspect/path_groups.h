@@ -21,10 +21,6 @@ struct StringGroup {
 std::vector<StringGroup> group_strings(const std::map<PathString, Cluster>& clusters, bool from_light,
                                        std::size_t rows);
 
-// The order of groups by their `common` in which each path is of the first group whose expression it matches:
-// vertices without a name, whose expression matches those with one too, come last.
-bool is_narrower(const PathString& a, const PathString& b);
-
 // "L [DGSV]* DR E", "L{lamp} X{wall} E"
 std::string expression_of(const StringGroup& group, bool from_light, const Session& session);
 // "L", "DR", "V{fog}", "X{wall}"

@@ -276,7 +276,7 @@ class ChainEstimator final : public RenderEstimator {
  public:
   ChainEstimator(std::unique_ptr<render::Renderer> renderer, const RunSpec& run, const PilotResult& pilot)
       : RenderEstimator(std::move(renderer), run), plan_(*pilot.work.chains), records_(plan_.chains) {
-    pilot_scale_log2_ = pilot.state.film_scale_log2;
+    state_ = pilot.state;
     seed_ = run.job.seed;
   }
   std::string unit_name() const override { return "segments"; }
@@ -284,14 +284,14 @@ class ChainEstimator final : public RenderEstimator {
   Result<void> bootstrap() {
     const Unit unit{Unit::Kind::bootstrap, 0, 0, plan_.bootstrap_samples};
     render::UnitOutput output;
-    CANDELA_TRY(timed(cost_, [&] { return renderer_->run(unit, {}, output, context_); }));
+    CANDELA_TRY(timed(cost_, [&] { return renderer_->run(unit, {state_, {}, {}}, output, context_); }));
     add(cost_, output.counts);
     chains::BootstrapTable table(plan_.bootstrap_samples);
     CANDELA_TRY(table.insert(0, output.table));
     sums_ = table.sums();
     starts_ = table.choose_starts(plan_.chains, seed_);
     state_.bootstrap_b = table.normalisation().b;
-    state_.film_scale_log2 = chains::film_scale_log2(state_.bootstrap_b, pilot_scale_log2_);
+    state_.film_scale_log2 = chains::film_scale_log2(state_.bootstrap_b, state_.film_scale_log2);
     make_films(state_);
     return {};
   }
@@ -336,7 +336,6 @@ class ChainEstimator final : public RenderEstimator {
  private:
   ChainPlan plan_;
   std::vector<chains::ChainRecord> records_;  // in the order of chains
-  int pilot_scale_log2_ = 0;
   std::uint64_t seed_ = 0;
   NamedState state_;
   chains::BootstrapSums sums_;

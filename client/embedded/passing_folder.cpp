@@ -1,4 +1,4 @@
-#include "client/passing_folder.h"
+#include "client/embedded/passing_folder.h"
 
 #include <stdlib.h>  // mkdtemp
 
