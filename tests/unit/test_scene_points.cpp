@@ -11,8 +11,8 @@
 #include <numbers>
 #include <vector>
 
-#include "common/mis/estimators.h"
 #include "common/mis/ldlt.h"
+#include "tests/mis_estimators.h"
 #include "tests/random_draws.h"
 #include "tests/unit/chi_squared.h"
 #include "tests/unit/scene_fixture.h"
