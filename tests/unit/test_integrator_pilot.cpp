@@ -67,7 +67,7 @@ const std::vector<Decider>& deciders() {
                                            {"appm"},
                                            {"vcmplus"},
                                            {"optimis"},
-                                           {"erpt", {{"bootstrap", "400"}}, 2}};
+                                           {"erpt", {{"bootstrap", "400"}, {"two_stage", "false"}}, 2}};
   return all;
 }
 
