@@ -100,9 +100,10 @@ TEST(Decisions, UnitsMakeNoTrials) {
   };
   const std::uint64_t bare = steps_of([](WorkMonitor&) { make("path"); });
   for (const Decider& decider : deciders()) {
-    const PilotResult pilot = pilot_of(*make(decider.integrator));
+    const PilotResult pilot = pilot_of(*make(decider.integrator, decider.chosen));
     std::unique_ptr<render::Renderer> renderer;
-    EXPECT_LT(steps_of([&](WorkMonitor&) { renderer = make(decider.integrator); }), bare + 256)
+    EXPECT_LT(steps_of([&](WorkMonitor&) { renderer = make(decider.integrator, decider.chosen); }),
+              bare + 256)
         << decider.integrator;
     const auto unit = [&] {
       return steps_of([&](WorkMonitor& monitor) {
@@ -123,13 +124,13 @@ TEST(Decisions, UnitsMakeNoTrials) {
 // threads; an integrator that decides nothing says nothing.
 TEST(Decisions, AreTheSameBytes) {
   for (const Decider& decider : deciders()) {
-    const PilotResult one = pilot_of(*make(decider.integrator));
-    const auto two = make(decider.integrator)->pilot({3});
+    const PilotResult one = pilot_of(*make(decider.integrator, decider.chosen));
+    const auto two = make(decider.integrator, decider.chosen)->pilot({3});
     ASSERT_TRUE(two.ok());
     EXPECT_EQ(one.state, two->state) << decider.integrator;
     EXPECT_EQ(one.plan, two->plan) << decider.integrator;
     EXPECT_EQ(one.state.decided.size(), 4 + 8 * decider.numbers) << decider.integrator;
-    EXPECT_EQ(one.plan, make(decider.integrator)->plan_text().value()) << decider.integrator;
+    EXPECT_EQ(one.plan, make(decider.integrator, decider.chosen)->plan_text().value()) << decider.integrator;
   }
   for (const char* integrator : {"path", "bdpt", "light"})
     EXPECT_EQ(pilot_of(*make(integrator)).state.decided, "") << integrator;
@@ -160,7 +161,7 @@ TEST(Decisions, OtherBytesAreRefused) {
   const std::string radius = pilot_of(*make("ppm")).state.decided,
                     trial = pilot_of(*make("optimis")).state.decided;
   for (const Decider& decider : deciders()) {
-    const auto renderer = make(decider.integrator);
+    const auto renderer = make(decider.integrator, decider.chosen);
     const PilotResult pilot = pilot_of(*renderer);
     const std::string good = pilot.state.decided;
     std::vector<std::string> hostile = {"",
