@@ -23,10 +23,10 @@ struct ChainImage {
   std::vector<double> chains, others;  // the same of the two layers, before they are combined
   chains::Normalisation b0, b;         // bootstrap's (not falsified), pooled
   ChainPlan plan;
-  NamedState state;                                    // that the segments started from
-  std::vector<chains::ChainRecord> records;            // in the order of chains
-  film::SampleCounts sample_counts;                    // of bootstrap and segments
-  std::vector<std::int64_t> sums;                      // of the film
+  NamedState state;                                                       // that the segments started from
+  std::vector<chains::ChainRecord> records;                               // in the order of chains
+  film::SampleCounts sample_counts;                                       // of bootstrap and segments
+  std::vector<std::int64_t> sums;                                         // of the film
   double pilot_seconds = 0, bootstrap_seconds = 0, segments_seconds = 0;  // CPU, all threads
 };
 

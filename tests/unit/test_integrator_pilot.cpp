@@ -132,7 +132,7 @@ TEST(Decisions, AreTheSameBytes) {
     EXPECT_EQ(one.state.decided.size(), 4 + 8 * decider.numbers) << decider.integrator;
     EXPECT_EQ(one.plan, make(decider.integrator, decider.chosen)->plan_text().value()) << decider.integrator;
   }
-  for (const char* integrator : {"path", "bdpt", "light"})
+  for (const char* integrator : {"path", "bdpt", "light", "pssmlt", "mmlt"})
     EXPECT_EQ(pilot_of(*make(integrator)).state.decided, "") << integrator;
 }
 
