@@ -326,7 +326,8 @@ TEST(LettersAutomaton, Partitions) {
             "--partition out)");
   // A scene whose objects are known has no media but those.
   const std::vector<ObjectNames> without_media = {{"lamp"}, {"wall"}};
-  EXPECT_EQ(error_of({"LX*E"}, without_media, std::vector<std::uint8_t>{kLampObject, kSurfaceObject}, true), "");
+  EXPECT_EQ(error_of({"LX*E"}, without_media, std::vector<std::uint8_t>{kLampObject, kSurfaceObject}, true),
+            "");
   EXPECT_EQ(error_of({"L[XV]*E", "LV?D+E"}, {}, {}, true),
             "the layers are no partition: 'e0' and 'e1' both match the path L DR E (narrow one of the two, "
             "or leave "

@@ -327,8 +327,8 @@ TEST(TransportWeights, HoldForEditedLampsAndMedia) {
       {"name": "a", "direction": "light", "select": "L{lamp}", "source": "low",
        "move": {"to": [0.5, -1, 0.4], "normal": [0, 1, 0], "stretch": [1.4, 1, 0.8]}},
       {"name": "b", "direction": "light", "select": "L", "rotate": {"axis": [0.3, 1, 0.2], "degrees": 15}},)";
-  const auto by_vertex =
-      edited_scene(body, lamps + R"({"name": "c", "direction": "light", "select": "L[XV]*[XV]", "source": "low",
+  const auto by_vertex = edited_scene(
+      body, lamps + R"({"name": "c", "direction": "light", "select": "L[XV]*[XV]", "source": "low",
        "move": {"to": [0.5, -1, 0.4], "stretch": [1.4, 1, 0.8]}},
       {"name": "d", "direction": "eye", "select": "V[XV]*E", "rotate": {"axis": [1, 0, 0], "degrees": 25},
        "tint": [1, 0.5, 0.8]}]})");

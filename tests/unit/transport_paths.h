@@ -68,8 +68,8 @@ inline void edit(const scene::Scene& scene, Slot& slot, const Slot* before, cons
   if (slot.v.on_surface())
     slot.v.closure = slot.edits->surface(slot.v.hit, slot.v.closure);
   else
-    slot.v.turned = slot.edits->medium(slot.v.medium, scene.medium(slot.v.medium).phase(), slot.v.hit.p,
-                                       slot.v.closure);
+    slot.v.turned =
+        slot.edits->medium(slot.v.medium, scene.medium(slot.v.medium).phase(), slot.v.hit.p, slot.v.closure);
   if (lamp == nullptr) slot.edits->towards_lamp(0);
 }
 
