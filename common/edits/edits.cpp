@@ -115,6 +115,10 @@ Result<letters::Region> read_region(const Json& json, const std::string& key, st
       if (region.low[i] > region.high[i])
         return error_at(reader.key("box"), fmt::format("{} is above {}: the low corner comes first",
                                                        region.low[i], region.high[i]));
+    const auto flat = [&](std::size_t i) { return region.low[i] == region.high[i]; };
+    if (flat(0) + flat(1) + flat(2) > 1)
+      return error_at(reader.key("box"), "the box is a line or a point, which nothing meets")
+          .with_mend("let the corners differ in two coordinates at least");
     return region;
   }
   CANDELA_ASSIGN(const auto n, reader.numbers<4>("sphere"));

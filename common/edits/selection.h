@@ -35,7 +35,7 @@ class Selection {
     for (std::size_t i = 0; i < regions_.size(); ++i) own |= (regions >> regions_[i] & 1u) << i;
     return selected_[automaton_.class_of(letter, side, object, own)] != 0;
   }
-  // What lamps of this object emit is selected.
+  // Light that lamps of this object emit is selected.
   bool selects_lamp(std::uint32_t object) const;
 
  private:

@@ -12,7 +12,7 @@
 #include "common/edits/edits.h"
 #include "tests/integrators.h"
 #include "tests/proofs/proofs.h"
-#include "tests/statistical/chain_driver.h"
+#include "tests/statistical/edited_estimators.h"
 #include "tests/statistical/harness.h"
 
 namespace candela::statistical {
@@ -244,31 +244,6 @@ Estimator quadrature(const PanelCase& c, const Regions& regions) {
 }
 
 // ---- integrators ----
-
-struct Way {
-  SettingsMap settings;
-  double margin = 0;
-  std::uint64_t iterations = 32;
-};
-Way way_of(const std::string& integrator) {
-  if (integrator == "ppm") return {{{"radius", "0.06"}}, 0.04, 40};
-  if (integrator == "bpm" || integrator == "vcm") return {{{"radius", "0.05"}}, 0.03, 24};
-  if (integrator == "light") return {{}, 0, 64};
-  if (integrator == "pssmlt" || integrator == "mmlt")
-    return {{{"chains", "8"}, {"bootstrap", "16384"}}, 0, 32};
-  return {};
-}
-
-Estimator estimator_of(const std::string& integrator, TestScene scene, const std::string& edits,
-                       const Regions& regions, std::uint64_t seed) {
-  const Way way = way_of(integrator);
-  scene = with_integrator(std::move(scene), integrator, way.settings);
-  scene.settings.edits = edits;
-  if (test::integrator_row(integrator).chains)
-    return make_chain_estimator(integrator, {scene, way.iterations, 2}, seed, 8, regions);
-  return make_estimator(integrator, {{1, scene}}, {.seed = seed, .batches = 12, .iterations = way.iterations},
-                        regions);
-}
 
 void expect_equal(const Estimator& tested, const Estimator& reference, const Regions& regions, double margin,
                   double detectable) {

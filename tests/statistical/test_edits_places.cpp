@@ -9,7 +9,7 @@
 
 #include "tests/integrators.h"
 #include "tests/proofs/proofs.h"
-#include "tests/statistical/chain_driver.h"
+#include "tests/statistical/edited_estimators.h"
 #include "tests/statistical/harness.h"
 
 namespace candela::statistical {
@@ -96,43 +96,20 @@ const std::vector<PlaceCase>& place_cases() {
   return all;
 }
 
-struct Way {
-  SettingsMap settings;
-  double margin = 0;
-  std::uint64_t iterations = 32;
-};
-Way way_of(const std::string& integrator) {
-  if (integrator == "ppm") return {{{"radius", "0.06"}}, 0.04, 40};
-  if (integrator == "bpm" || integrator == "vcm") return {{{"radius", "0.05"}}, 0.03, 24};
-  if (integrator == "light") return {{}, 0, 64};
-  if (integrator == "pssmlt" || integrator == "mmlt")
-    return {{{"chains", "8"}, {"bootstrap", "16384"}}, 0, 32};
-  return {};
-}
-Estimator estimator_of(const std::string& integrator, const PlaceCase& c, const Regions& regions,
-                       std::uint64_t seed) {
-  const Way way = way_of(integrator);
-  TestScene scene = with_integrator(scene_from_xml(scene_text(c), kSize, kSize), integrator, way.settings);
-  scene.settings.edits = c.edits;
-  if (test::integrator_row(integrator).chains)
-    return make_chain_estimator(integrator, {scene, way.iterations, 2}, seed, 8, regions);
-  return make_estimator(integrator, {{1, scene}}, {.seed = seed, .batches = 12, .iterations = way.iterations},
-                        regions);
-}
-
 class EditedPlaces : public testing::TestWithParam<PlaceCase> {};
 
 // Claim: walks from the eye, from the light and from both, photons and chains make one image.
 TEST_P(EditedPlaces, AreTheSameFromBothEnds) {
   const PlaceCase& c = GetParam();
   const Regions regions(kSize, kSize, kBlock);
-  const Estimator reference = cached(estimator_of("light", c, regions, 8));
+  const TestScene scene = scene_from_xml(scene_text(c), kSize, kSize);
+  const Estimator reference = cached(estimator_of("light", scene, c.edits, regions, 8));
   std::vector<std::string> integrators = {"path", "bdpt", "vcm"};
   if (long_form()) integrators.insert(integrators.end(), {"ppm", "bpm", "pssmlt", "mmlt"});
   for (const std::string& integrator : integrators) {
     const double margin = way_of(integrator).margin;
     const Verdict verdict =
-        compare(estimator_of(integrator, c, regions, 9), reference, regions, {.margin = margin});
+        compare(estimator_of(integrator, scene, c.edits, regions, 9), reference, regions, {.margin = margin});
     EXPECT_TRUE(verdict.agree) << verdict.report;
     EXPECT_GT(verdict.tested, regions.values() / 2) << verdict.report;
     EXPECT_LT(verdict.detectable_whole, margin + c.detectable) << verdict.report;

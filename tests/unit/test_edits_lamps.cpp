@@ -89,7 +89,7 @@ Lit lit_by(const LampCase& c) {
   return lit;
 }
 
-// Where the edits send light that leaves x along w. False: it is lost.
+// The edits send light that leaves x along `along` into `out`. False: it is lost.
 bool sent(const LampCase& c, const Lit& lit, Vec3 x, Vec3 along, Vec3& out, double& factor) {
   Vec3d w(along);
   factor = 1;

@@ -85,6 +85,7 @@ TEST(EditText, NamesTheKeyOfAFault) {
       {edit(R"(, "moves": {})"), "did you mean 'move'"},
       {edit(R"(, "hit": true)"), "edits[0].hit: there is no source"},
       {edit(R"(, "source": "r", "hit": 1)"), "edits[0].hit: it is neither true nor false"},
+      {R"({"regions": {"r": {"box": [0, 0, 0, 0, 1, 0]}}, "edits": []})", "regions.r.box: the box is a line"},
       {edit(R"(, "move": {"to": [1, 2, 3]})"), "edits[0].move.from"},
       {edit(R"(, "move": {"from": [1, 2], "to": [1, 2, 3]})"), "edits[0].move.from: it has 2 entries"},
       {edit(R"(, "move": {"from": [1, 2, "x"]})"), "edits[0].move.from[2]"},

@@ -15,7 +15,6 @@
 
 #include "common/base/log.h"
 #include "common/base/work_monitor.h"
-#include "worker/core/huge_reserve.h"
 #include "worker/core/math.h"
 #include "worker/loaders/mesh.h"
 #include "worker/loaders/parallel.h"
@@ -140,14 +139,14 @@ class Reader {
   void reserve_vertices() {
     const auto count = static_cast<std::size_t>(vertices_->count);
     // The scene adds one element to what becomes its only mesh; the arrays are not copied then.
-    reserve_huge(mesh_.positions, count + 1);
+    mesh_.positions.reserve(count + 1);
     mesh_.positions.resize(count);
     if (header_.has_normals) {
-      reserve_huge(mesh_.normals, count + 1);
+      mesh_.normals.reserve(count + 1);
       mesh_.normals.resize(count);
     }
     if (header_.has_uvs) {
-      reserve_huge(mesh_.uvs, count + 1);
+      mesh_.uvs.reserve(count + 1);
       mesh_.uvs.resize(count);
     }
     for (const Header::Attribute& attribute : header_.vertex_attributes)
@@ -351,7 +350,6 @@ class Reader {
     const auto count = static_cast<std::size_t>(element.count);
     const char* rows = bytes_.data() + at_;
     const std::size_t count_size = size_of(corners->count_type), index_size = size_of(corners->type);
-    reserve_huge(mesh_.triangles, count);
     mesh_.triangles.resize(count);
     const std::size_t bad = first_where(count, [&](std::size_t i) {
       const char* at = rows + i * size + before;

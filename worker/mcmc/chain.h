@@ -31,7 +31,7 @@ struct ChainRules {
   double prob_large = 0.3;
   std::uint64_t segment_mutations = 0;
   double pixels = 1;
-  // Of the film: the scalar contribution I has it as a factor. Null: 1 everywhere.
+  // The importance of the film is a factor of the scalar contribution I. Null: it is 1 everywhere.
   const ImageImportance* importance = nullptr;
   // The target changes between segments: a state of an earlier segment may have the contribution 0. The chain
   // then takes the first proposal that has any. Records have sums of mollified paths.

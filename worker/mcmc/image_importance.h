@@ -42,6 +42,8 @@ class ImageImportance {
   ImageImportance(const CoarseGrid& grid, std::vector<std::uint8_t> levels);
 
   bool even() const { return levels_.empty(); }
+  // Null if even.
+  const ImageImportance* used() const { return even() ? nullptr : this; }
   std::span<const std::uint8_t> levels() const { return levels_; }
   double at(transport::FilmPosition place) const;
 

@@ -22,7 +22,7 @@ struct RedistributionRules {
   double energy = 1;            // e_d, > 0, in units of I
   std::uint64_t mutations = 1;  // M of each chain, >= 1
   double max_chains = 20;       // n_max of a seed, >= 1
-  // Of the film: I has it as a factor. Null: 1 everywhere.
+  // The importance of the film is a factor of I. Null: it is 1 everywhere.
   const ImageImportance* importance = nullptr;
 };
 

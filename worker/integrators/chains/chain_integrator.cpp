@@ -158,7 +158,7 @@ Result<void> ChainIntegrator::run_bootstrap(const UnitContext& context, const Un
       divide_up(unit.end - unit.begin, kBootstrapChunk), counts_only, run,
       [&](std::uint64_t chunk, film::SampleCounts& sample_counts) {
         const auto space = make_space(context, sample_counts, regularization_.bandwidth(0));
-        mcmc::SplatList list(importance.even() ? nullptr : &importance);
+        mcmc::SplatList list(importance.used());
         const std::uint64_t from = unit.begin + chunk * kBootstrapChunk;
         for (std::uint64_t i = from; i < std::min(from + kBootstrapChunk, unit.end); ++i) {
           if (run.stopped()) return;
@@ -190,7 +190,7 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
   rules.segment_mutations = plan.segment_mutations;
   rules.pixels = static_cast<double>(context.width) * context.height;
   rules.states_vanish = regularization_.runs();
-  if (!importance.even()) rules.importance = &importance;
+  rules.importance = importance.used();
   // If the radius stays, the bootstrap's samples are like all others, and b is one mean.
   constexpr std::uint64_t kLate = std::uint64_t{1} << 40;
   const bool stays = !(regularization_.bandwidth(kLate) < regularization_.bandwidth(0));

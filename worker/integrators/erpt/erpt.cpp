@@ -63,7 +63,7 @@ class ErptIntegrator final : public IterationIntegrator {
     CANDELA_ASSIGN(const erpt::SeedStatistics statistics,
                    erpt::seed_statistics(
                        [&](film::SampleCounts& /*sample_counts*/) { return make_space(context, 0, nullptr); },
-                       context.seed, samples, run, used(decided.importance)));
+                       context.seed, samples, run, decided.importance.used()));
     decided.energies = erpt::choose_energies(statistics, settings_, decision.plan);
     decision.bytes = erpt::to_bytes(decided);
     return decision;
@@ -87,10 +87,6 @@ class ErptIntegrator final : public IterationIntegrator {
 
  private:
   bool has_chains() const { return longest_ >= shortest_; }
-  // Null: 1 everywhere.
-  static const mcmc::ImageImportance* used(const mcmc::ImageImportance& importance) {
-    return importance.even() ? nullptr : &importance;
-  }
 
   // Chains end with their iteration, and have its radius. [regularisation note, section 8]
   std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, std::uint64_t iteration,
@@ -111,7 +107,7 @@ class ErptIntegrator final : public IterationIntegrator {
     const std::uint64_t chunks = (seeds + kSeedChunk - 1) / kSeedChunk;
     const mcmc::RedistributionRules rules{energies.energy, energies.mutations,
                                           static_cast<double>(settings_.max_chains),
-                                          used(decided.importance)};
+                                          decided.importance.used()};
     const double factor = pixels / (static_cast<double>(energies.mutations) * static_cast<double>(seeds));
     const transport::Splatter splatter(context.filter, film, context.width, context.height);
     return for_each_task(

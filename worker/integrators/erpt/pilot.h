@@ -37,7 +37,7 @@ struct Energies {
 // The job's choice, and its line in the plan.
 Energies choose_energies(const SeedStatistics& statistics, const ErptSettings& settings, Plan& plan);
 
-// What the pilot decides.
+// The pilot decides these for the whole job.
 struct Decided {
   Energies energies;
   mcmc::ImageImportance importance;

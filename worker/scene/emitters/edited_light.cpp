@@ -68,7 +68,7 @@ bool EditedLight::reads_rest() const {
 
 // ---- light seen from a point
 
-// Of a surface, whose radiance is the same in all directions of its front.
+// The edits turn light that a surface sends. Its radiance is the same in all directions of its front.
 DirectOutcome EditedLight::turn(DirectOutcome outcome, DirectSample& out) const {
   if (outcome != DirectOutcome::sampled) return outcome;
   const EditedClosure place = at(out.p, out.ng);

@@ -45,7 +45,7 @@ class EditedLight {
   bool pdf_emission_at(const SceneExtent& scene, Vec3 p, Vec3 ng, Vec3 d, EmissionDensity& out) const;
   Spectrum emitted(const SurfaceHit& hit, Vec3 wo) const;
 
-  // Those of the lamp without edits, but that light of a point may go anywhere.
+  // The choice of lamps knows no edits: it takes the unedited lamp, a point as if it shone everywhere.
   Spectrum power(const SceneExtent& scene) const;
   double min_power() const;
   float importance(Vec3 p, Vec3 front) const;

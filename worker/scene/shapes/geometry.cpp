@@ -12,7 +12,6 @@
 #include <limits>
 #include <numbers>
 
-#include "worker/core/huge_reserve.h"
 #include "worker/core/math.h"
 #include "worker/loaders/parallel.h"
 #include "worker/scene/shapes/geometry_steps.h"
@@ -228,9 +227,7 @@ void finish_vertices(Geometry& geometry) {
 }
 
 void make_triangles(Geometry& geometry) {
-  std::vector<Triangle> made;
-  reserve_huge(made, geometry.indices.size());
-  made.resize(geometry.indices.size());
+  std::vector<Triangle> made(geometry.indices.size());
   for (const Triangle& start : geometry.triangles) {
     const std::uint32_t first = geometry.shapes[start.shape].first_triangle;
     loaders::for_ranges(geometry.shapes[start.shape].triangle_count, [&](std::size_t begin, std::size_t end) {

@@ -128,7 +128,7 @@ class PathLetters {
  private:
   using State = letters::Automaton::State;
   using Class = letters::Automaton::Class;
-  // Of a shape; [0]: reflected, [1]: transmitted.
+  // The classes of a shape's lobes. [0]: reflected, [1]: transmitted.
   struct SurfaceClasses {
     std::array<Class, 2> diffuse{}, glossy{}, specular{};
   };
@@ -141,7 +141,7 @@ class PathLetters {
     for (std::size_t c = 0; c < kColors; ++c) result.put(c, f(a[c], b[c]));
     return result;
   }
-  // Those of the table, or `made`.
+  // The shape's classes at the hit: those of the table, or `made`, which depends on regions.
   const SurfaceClasses& classes_at(const SurfaceHit& hit, SurfaceClasses& made) const {
     if (regions_.empty()) [[likely]]
       return of_shape_[hit.shape];
