@@ -223,17 +223,20 @@ void JobUpkeep::summarize_chains(const std::string& job_id, JobFilm& film, bool 
   if (!at_once && JobTable::now().seconds - state.last_summary < kSummarySeconds) return;
   struct View {
     bool chains = false;
-    std::uint64_t iterations = 0;
     chains::BootstrapSums bootstrap;
   };
   const View view = table_.with_scheduler([&](Scheduler& s) {
     const JobRow& row = s.job(job_id)->row;
-    return View{row.chains.has_value(), row.iterations, row.bootstrap};
+    return View{row.chains.has_value(), row.bootstrap};
   });
-  if (!view.chains || view.iterations == state.summarized_iterations) return;
+  if (!view.chains) return;
+  // The scheduler counts segments beyond the prefix, too, until it drops them.
+  const JobFilm::Account account = film.account();
+  const std::uint64_t segments = account.merged[0].count() + account.merged[1].count();
+  if (segments == state.summarized_segments) return;
   const chains::Summary summary = chains::summarise(view.bootstrap, film.chain_counts());
   state.last_summary = JobTable::now().seconds;
-  state.summarized_iterations = view.iterations;
+  state.summarized_segments = segments;
   // Chains without light are no failure while layers that need no chains have light.
   const bool black = !(view.bootstrap.sum > 0) && film.all_black();
   table_.with_scheduler([&](Scheduler& s) {

@@ -65,7 +65,7 @@ class JobUpkeep {
       bool ends = false;
     } looked;
     double last_summary = 0;
-    std::uint64_t summarized_iterations = 0;
+    std::uint64_t summarized_segments = 0;
     std::string checkpoint_error, manifest_error;  // reported last; empty: none
   };
 

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "common/stages/prefixes.h"
 #include "common/stats/image_error.h"
 
 namespace candela::toy {
@@ -367,6 +368,54 @@ TEST_F(ChainFarm, ThePictureIsTheFunction) {
   EXPECT_EQ(mutations, 100 * toy_.plan.chains * toy_.plan.segment_mutations);
   EXPECT_NEAR(static_cast<double>(large) / static_cast<double>(mutations), kLargeStep, 0.001);
   EXPECT_EQ(end.chains().b_samples(), toy_.plan.bootstrap_samples + large);
+}
+
+// Claim: the status of a job that its error ends tells of the chains of the image, also if the last look at
+// the chains was at as many segments, of which some lay beyond the image's.
+TEST_F(ChainFarm, StatusFollowsThePrefix) {
+  options_.unit_seconds = 1e-6;  // a segment each
+  options_.lease_seconds = 60;
+  restart(false);
+  settings_.integrator_settings = toy_.settings();
+  v1::SubmitRequest request = test::submission(kScene, settings_, 1000);
+  request.mutable_stop()->set_relmse(1e6);  // ends at the second prefix
+  const std::string id = test::submit(*farm_, kScene, request);
+  const std::uint64_t half = toy_.plan.chains / 2, second = prefix_after(prefix_of(0, true), true);
+  ToyWorker other(channel());
+  std::optional<v1::Lease> held;
+  std::uint64_t delivered = 0;
+  while (delivered < 2 * half * second) {
+    const auto lease = other.acquire_soon();
+    ASSERT_TRUE(lease) << delivered;
+    if (lease->unit().kind() == v1::Unit::KIND_PILOT) {
+      ASSERT_TRUE(other.pilot(*lease).ok());
+      continue;
+    }
+    const bool segments = lease->unit().kind() == v1::Unit::KIND_SEGMENTS;
+    if (segments) {
+      ASSERT_EQ(lease->unit().end() - lease->unit().begin(), 1U);
+    }
+    if (segments && !held && lease->unit().begin() >= half * (second - 1)) {
+      held = lease;
+      continue;
+    }
+    ASSERT_EQ(other.deliver(*lease), v1::DELTA_VERDICT_MERGED);
+    delivered += segments ? 1 : 0;
+  }
+  ASSERT_TRUE(held);
+  const std::uint64_t mutations = 2 * half * second * toy_.plan.segment_mutations;
+  const auto told = [](const v1::JobStatus& s) {
+    std::uint64_t sum = 0;
+    for (const auto& group : s.chains().groups()) sum += group.mutations();
+    return sum;
+  };
+  const std::uint64_t shown = ledger(id).chain_segments();
+  ASSERT_LT(shown, 2 * half * second) << "nothing lies beyond the prefix";
+  wait_for(id, [&](const v1::JobStatus& s) { return told(s) == shown * toy_.plan.segment_mutations; });
+  ASSERT_EQ(other.deliver(*held), v1::DELTA_VERDICT_MERGED);
+  const v1::JobStatus end = wait_end(id);
+  EXPECT_EQ(end.iterations(), second);
+  EXPECT_EQ(told(end), mutations);
 }
 
 // Claim: an image of chains explains itself; the layers it is made of are there only on request, others
