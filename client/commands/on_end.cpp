@@ -79,13 +79,12 @@ std::string run(const std::string& command, const EndedJob& job) {
 
 }  // namespace
 
-void add_on_end(CLI::App& app, std::optional<std::string>& command, const std::string& when) {
-  add_text(app, "--on-end", command,
-           (when.empty() ? std::string("Run") : when + "run") +
-               " this by /bin/sh when the job or group has ended, after its image is written, with "
-               "CANDELA_JOB_ID, CANDELA_JOB_NAME, CANDELA_JOB_STATE and, if something failed, "
-               "CANDELA_JOB_ERROR",
-           "COMMAND")
+void add_on_end(CLI::App& app, std::optional<std::string>& command) {
+  add_text(
+      app, "--on-end", command,
+      "Run this by /bin/sh when the job or group has ended and its image is written, with CANDELA_JOB_ID, "
+      "CANDELA_JOB_NAME, CANDELA_JOB_STATE and, after a failure, CANDELA_JOB_ERROR",
+      "COMMAND")
       ->check([](const std::string& text) {
         return text.find_first_not_of(" \t\n") == std::string::npos ? "the command is empty" : std::string();
       });

@@ -25,7 +25,7 @@ EndedJob ended_job(const Status& status) {
           status.state() == v1::JOB_STATE_DONE ? std::string() : status.message()};
 }
 
-void add_on_end(CLI::App& app, std::optional<std::string>& command, const std::string& when);
+void add_on_end(CLI::App& app, std::optional<std::string>& command);
 
 // Runs `command` by /bin/sh once for each, with CANDELA_JOB_ID, CANDELA_JOB_NAME, CANDELA_JOB_STATE and
 // CANDELA_JOB_ERROR, each one printable line, and tells a failure. Returns 1 if one failed. An empty command

@@ -341,7 +341,7 @@ void add_submit(CLI::App& app, Context& context) {
                 "With --wait: add the layer 'variance' to the EXR");
   sub->add_flag("--denoise", options->denoise,
                 "With --wait: add the layer 'denoised', as `candela fetch` does; a PNG shows that layer");
-  add_on_end(*sub, options->on_end, "With --wait: ");
+  add_on_end(*sub, options->on_end);
   sub->add_flag("--quiet", options->quiet, "Print no progress");
   sub->add_flag("--json", options->json, "Print JSON: with --wait the job's last status, else its id");
   sub->callback([&context, options] {

@@ -77,7 +77,7 @@ void add_watch(CLI::App& app, Context& context) {
   add_preview_options(*sub, options->preview, false);
   sub->add_flag("--quiet", options->quiet, "Print no progress, only wait");
   sub->add_flag("--json", options->json, "Print the last status as JSON");
-  add_on_end(*sub, options->on_end, "");
+  add_on_end(*sub, options->on_end);
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_watch(context, *options); };
   });

@@ -73,8 +73,8 @@ void add_daylight(std::vector<PluginRule>& table) {
       .maximum = 90,
       .above_minimum = true};
   const std::string_view sky =
-      "the coefficients of the sky are fitted to radiances of 0.6 at whole turbidities: directions differ by "
-      "0.3 % (root mean square); Mitsuba 3's sky has +z up";
+      "the sky is fitted to radiances of 0.6: directions differ by 0.3 % (root mean square); Mitsuba 3's sky "
+      "has +z up";
   const std::string_view sun =
       "the sun is a black body of 5778 K behind Rayleigh and aerosol scattering, without ozone, gases or "
       "vapor; it is at least as wide as a pixel of the image";
