@@ -11,6 +11,10 @@
 
 namespace candela::client {
 
+void set_command(CLI::App& app, Context& context, std::function<Result<int>()> command) {
+  app.callback([&context, command = std::move(command)] { context.command = command; });
+}
+
 CLI::Option* add_text(CLI::App& app, const std::string& names, std::optional<std::string>& value,
                       const std::string& doc, const std::string& type) {
   return app

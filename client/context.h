@@ -28,6 +28,13 @@ struct Context {
   std::function<Result<int>()> command;  // set by the parser: the chosen command, returning its exit code
 };
 
+// Sets what runs if the command `app` is chosen.
+void set_command(CLI::App& app, Context& context, std::function<Result<int>()> command);
+template <class Run, class Options>
+void set_command(CLI::App& app, Context& context, Run run, const std::shared_ptr<Options>& options) {
+  set_command(app, context, [&context, run, options] { return run(context, *options); });
+}
+
 // An option for a value that may be absent.
 CLI::Option* add_text(CLI::App& app, const std::string& names, std::optional<std::string>& value,
                       const std::string& doc, const std::string& type);

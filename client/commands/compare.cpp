@@ -153,9 +153,7 @@ void add_compare(CLI::App& app, Context& context) {
       "is darker",
       "PNG");
   sub->add_flag("--json", options->json, "Print JSON");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_compare(context, *options); };
-  });
+  set_command(*sub, context, run_compare, options);
 }
 
 }  // namespace candela::client

@@ -120,9 +120,7 @@ void add_doctor(CLI::App& app, Context& context) {
            "Diagnose this cache folder of a worker; default: the one it would use", "DIR");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print JSON");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_doctor(context, *options); };
-  });
+  set_command(*sub, context, run_doctor, options);
 }
 
 }  // namespace candela::client

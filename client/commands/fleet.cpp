@@ -156,9 +156,7 @@ void add_workers(CLI::App& app, Context& context) {
   sub->add_flag("--wanted", options->wanted,
                 "Print the number of threads and workers that the open jobs could use now");
   sub->add_flag("--json", options->json, "Print JSON");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_workers(context, *options); };
-  });
+  set_command(*sub, context, run_workers, options);
 }
 
 void add_drain(CLI::App& app, Context& context) {
@@ -168,9 +166,7 @@ void add_drain(CLI::App& app, Context& context) {
   sub->add_flag("--wait", options->wait, "Return when its last unit is delivered");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print JSON");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_drain(context, *options); };
-  });
+  set_command(*sub, context, run_drain, options);
 }
 
 }  // namespace candela::client

@@ -78,12 +78,10 @@ void add_version(CLI::App& app, Context& context) {
   auto json = std::make_shared<bool>(false);
   CLI::App* sub = app.add_subcommand("version", "Print version and build");
   sub->add_flag("--json", *json, "Print JSON");
-  sub->callback([&context, json] {
-    context.command = [&context, json]() -> Result<int> {
-      context.out << (*json ? version_json() : fmt::format("candela {} (build {})", version(), build_id()))
-                  << '\n';
-      return 0;
-    };
+  set_command(*sub, context, [&context, json]() -> Result<int> {
+    context.out << (*json ? version_json() : fmt::format("candela {} (build {})", version(), build_id()))
+                << '\n';
+    return 0;
   });
 }
 
@@ -91,24 +89,20 @@ void add_completion(CLI::App& app, Context& context) {
   auto shell = std::make_shared<std::string>();
   CLI::App* sub = app.add_subcommand("completion", "Print a script that completes commands in a shell");
   sub->add_option("shell", *shell, "bash or zsh")->required()->type_name("SHELL");
-  sub->callback([&app, &context, shell] {
-    context.command = [&app, &context, shell]() -> Result<int> {
-      constexpr std::array<std::string_view, 2> shells = {"bash", "zsh"};
-      CANDELA_ASSIGN(const std::string name, parse_choice(*shell, "SHELL", shells));
-      const auto make = name == "bash" ? bash_completion : zsh_completion;
-      context.out << make(visible_commands(app), choices(context.facts));
-      return 0;
-    };
+  set_command(*sub, context, [&app, &context, shell]() -> Result<int> {
+    constexpr std::array<std::string_view, 2> shells = {"bash", "zsh"};
+    CANDELA_ASSIGN(const std::string name, parse_choice(*shell, "SHELL", shells));
+    const auto make = name == "bash" ? bash_completion : zsh_completion;
+    context.out << make(visible_commands(app), choices(context.facts));
+    return 0;
   });
 }
 
 void add_help_markdown(CLI::App& app, Context& context) {
   CLI::App* sub = add_hidden(app, "help-markdown", "Print the reference of all commands as Markdown");
-  sub->callback([&app, &context] {
-    context.command = [&app, &context]() -> Result<int> {
-      context.out << help_markdown(visible_commands(app));
-      return 0;
-    };
+  set_command(*sub, context, [&app, &context]() -> Result<int> {
+    context.out << help_markdown(visible_commands(app));
+    return 0;
   });
 }
 
@@ -118,8 +112,7 @@ void add_help_man(CLI::App& app, Context& context) {
   sub->add_option("folder", *folder, "Folder for the pages, such as /usr/local/share/man/man1")
       ->required()
       ->type_name("DIR");
-  sub->callback(
-      [&app, &context, folder] { context.command = [&app, folder] { return write_pages(app, *folder); }; });
+  set_command(*sub, context, [&app, folder] { return write_pages(app, *folder); });
 }
 
 }  // namespace candela::client

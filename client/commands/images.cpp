@@ -172,9 +172,7 @@ void add_convert(CLI::App& app, Context& context) {
   sub->add_flag(
       "--denoise", options->denoise,
       "Denoise the image by Open Image Denoise (not included), with the AOVs albedo and normal of the EXR");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_convert(context, *options); };
-  });
+  set_command(*sub, context, run_convert, options);
 }
 
 }  // namespace candela::client

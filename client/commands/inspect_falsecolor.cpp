@@ -155,9 +155,7 @@ void add_falsecolor(CLI::App& inspect, Context& context) {
   add_text(*sub, "--percentiles", options->percentiles,
            "Take the range between two percentiles of the values (default 1,99)", "LOW,HIGH");
   sub->add_flag("--json", options->json, "Print JSON");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_falsecolor(context, *options); };
-  });
+  set_command(*sub, context, run_falsecolor, options);
 }
 
 }  // namespace candela::client

@@ -266,11 +266,8 @@ void add_steer(CLI::App& app, Context& context, const char* name, const char* do
                Result<v1::JobStatus> (FarmClient::*call)(const std::string&)) {
   auto options = std::make_shared<JobOptions>();
   CLI::App* sub = add_job_command(app, options, name, doc);
-  sub->callback([&context, options, action, call] {
-    context.command = [&context, options, action, call] {
-      return run_steer(context, *options, action, call);
-    };
-  });
+  set_command(*sub, context,
+              [&context, options, action, call] { return run_steer(context, *options, action, call); });
 }
 
 }  // namespace
@@ -282,8 +279,7 @@ void add_show(CLI::App& app, Context& context) {
       "Show a job: state, progress, settings; or the frames of a group. 'at most' is the upper end of the 95 "
       "% interval of relMSE; --until stops by it. It leaves out light that no sample has found; if the plan "
       "expects such light, a line says so (docs/error.md)");
-  sub->callback(
-      [&context, options] { context.command = [&context, options] { return run_show(context, *options); }; });
+  set_command(*sub, context, run_show, options);
 }
 
 void add_events(CLI::App& app, Context& context) {
@@ -295,9 +291,7 @@ void add_events(CLI::App& app, Context& context) {
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print JSON");
   add_text(*sub, "--limit", options->limit, "At most the last N events (default 100)", "N");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_events(context, *options); };
-  });
+  set_command(*sub, context, run_events, options);
 }
 
 void add_pause(CLI::App& app, Context& context) {
@@ -324,9 +318,7 @@ void add_priority(CLI::App& app, Context& context) {
       ->type_name("ID... PRIORITY");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print JSON");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_priority(context, *options); };
-  });
+  set_command(*sub, context, run_priority, options);
 }
 
 void add_extend(CLI::App& app, Context& context) {
@@ -338,9 +330,7 @@ void add_extend(CLI::App& app, Context& context) {
   add_text(*sub, "--time", options->time, "Add this time", "+DURATION");
   add_text(*sub, "--until", options->until, "New target for the upper end of the estimated error",
            "relmse=X");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_extend(context, *options); };
-  });
+  set_command(*sub, context, run_extend, options);
 }
 
 }  // namespace candela::client

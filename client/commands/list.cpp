@@ -100,8 +100,7 @@ void add_list(CLI::App& app, Context& context) {
            "Continue a list: only jobs older than PLACE, the value that the previous list printed", "PLACE");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print JSON");
-  sub->callback(
-      [&context, options] { context.command = [&context, options] { return run_list(context, *options); }; });
+  set_command(*sub, context, run_list, options);
 }
 
 }  // namespace candela::client

@@ -78,9 +78,7 @@ void add_objects(CLI::App& app, Context& context) {
   add_lenient(*sub, scene);
   add_scene_memory(*sub, scene);
   sub->add_flag("--json", options->json, "Print JSON");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_objects(context, *options); };
-  });
+  set_command(*sub, context, run_objects, options);
 }
 
 }  // namespace candela::client

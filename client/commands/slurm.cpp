@@ -105,9 +105,7 @@ void add_slurm(CLI::App& app, Context& context) {
   add_text(*sub, "-o,--output", options->output, "Write the script here; default: print it", "FILE");
   sub->add_flag("--submit", options->submit, "Submit the script with sbatch");
   add_farm_options(*sub, options->farm);
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_slurm(context, *options); };
-  });
+  set_command(*sub, context, run_slurm, options);
 }
 
 }  // namespace candela::client

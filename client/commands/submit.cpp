@@ -344,9 +344,7 @@ void add_submit(CLI::App& app, Context& context) {
   add_on_end(*sub, options->on_end);
   sub->add_flag("--quiet", options->quiet, "Print no progress");
   sub->add_flag("--json", options->json, "Print JSON: with --wait the job's last status, else its id");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_submit(context, *options); };
-  });
+  set_command(*sub, context, run_submit, options);
 }
 
 }  // namespace candela::client

@@ -161,8 +161,7 @@ void add_tls(CLI::App& app, Context& context) {
   add_texts(*sub, "--role", options->roles, "add: worker, submit, operate or read; repeatable", "ROLES");
   add_text(*sub, "--days", options->days,
            "Days that certificates are valid; default: 825, the authority's 3650", "N");
-  sub->callback(
-      [&context, options] { context.command = [&context, options] { return run_tls(context, *options); }; });
+  set_command(*sub, context, run_tls, options);
 }
 
 }  // namespace candela::client

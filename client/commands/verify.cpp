@@ -90,9 +90,7 @@ void add_verify(CLI::App& app, Context& context) {
   sub->add_option("id", options->id, "Only this job: its id, the beginning, or its name")->type_name("ID");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print a line of JSON for each job");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_verify(context, *options); };
-  });
+  set_command(*sub, context, run_verify, options);
 }
 
 void add_repair(CLI::App& app, Context& context) {
@@ -107,9 +105,7 @@ void add_repair(CLI::App& app, Context& context) {
   sub->add_flag("--wait", options->wait, "Wait until the job has ended again; exits with its result");
   sub->add_flag("--quiet", options->quiet, "With --wait: print no progress");
   sub->add_flag("--json", options->json, "Print JSON");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_repair(context, *options); };
-  });
+  set_command(*sub, context, run_repair, options);
 }
 
 }  // namespace candela::client

@@ -78,9 +78,7 @@ void add_watch(CLI::App& app, Context& context) {
   sub->add_flag("--quiet", options->quiet, "Print no progress, only wait");
   sub->add_flag("--json", options->json, "Print the last status as JSON");
   add_on_end(*sub, options->on_end);
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_watch(context, *options); };
-  });
+  set_command(*sub, context, run_watch, options);
 }
 
 void add_fetch(CLI::App& app, Context& context) {
@@ -97,9 +95,7 @@ void add_fetch(CLI::App& app, Context& context) {
   sub->add_flag("--partial", options->image.request.partial,
                 "Get the image of an ended job that has lost samples (see verify)");
   add_farm_options(*sub, options->farm);
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_fetch(context, *options); };
-  });
+  set_command(*sub, context, run_fetch, options);
 }
 
 }  // namespace candela::client

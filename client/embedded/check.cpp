@@ -168,9 +168,7 @@ void add_check(CLI::App& app, Context& context) {
   add_scene_options(*sub, options->scene, false);
   sub->add_flag("--strict", options->strict, "Exit with 1 if there is a warning");
   sub->add_flag("--json", options->json, "Print JSON");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_check(context, *options); };
-  });
+  set_command(*sub, context, run_check, options);
 }
 
 }  // namespace candela::client

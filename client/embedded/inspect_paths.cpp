@@ -230,9 +230,7 @@ void add_inspect_paths(CLI::App& inspect, Context& context) {
   add_text(*sub, "--overlay", options->overlay, "Write a picture of the scene with key paths drawn over it",
            "FILE.png");
   sub->add_flag("--json", options->json, "Print JSON");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_paths(context, *options); };
-  });
+  set_command(*sub, context, run_paths, options);
 }
 
 }  // namespace candela::client

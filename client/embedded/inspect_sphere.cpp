@@ -274,9 +274,7 @@ void add_inspect_sphere(CLI::App& inspect, Context& context) {
   sub->add_flag("--json", options->json, "Print JSON");
   sub->add_flag("--quiet", options->quiet, "Print no progress");
   add_farm_options(*sub, options->farm);
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_sphere(context, *options); };
-  });
+  set_command(*sub, context, run_sphere, options);
 }
 
 }  // namespace candela::client

@@ -342,9 +342,7 @@ void add_inspect_volume(CLI::App& inspect, Context& context) {
   sub->add_flag("--json", options->json, "Print JSON");
   sub->add_flag("--quiet", options->quiet, "Print no progress");
   add_farm_options(*sub, options->farm);
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_volume(context, *options); };
-  });
+  set_command(*sub, context, run_volume, options);
 }
 
 }  // namespace candela::client

@@ -46,8 +46,7 @@ void add_plan(CLI::App& app, Context& context) {
       app.add_subcommand("plan", "Print the scene's features, what will run, and what is skipped and why");
   add_scene_options(*sub, options->scene, false);
   sub->add_flag("--json", options->json, "Print JSON");
-  sub->callback(
-      [&context, options] { context.command = [&context, options] { return run_plan(context, *options); }; });
+  set_command(*sub, context, run_plan, options);
 }
 
 }  // namespace candela::client

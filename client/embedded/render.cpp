@@ -431,9 +431,7 @@ void add_render(CLI::App& app, Context& context) {
                 "Keep the state of a finished render, to extend it later by --resume");
   sub->add_flag("--quiet", options->quiet, "Print no progress");
   sub->add_flag("--json", options->json, "Print the job's last status as JSON");
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_render(context, *options); };
-  });
+  set_command(*sub, context, run_render, options);
 }
 
 }  // namespace candela::client

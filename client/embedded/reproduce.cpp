@@ -278,9 +278,7 @@ void add_reproduce(CLI::App& app, Context& context) {
   sub->add_flag("--fresh", options->fresh, "Delete the state of a stopped --run and start again; needs -o");
   sub->add_flag("--quiet", options->quiet, "Print no progress");
   add_farm_options(*sub, options->farm);
-  sub->callback([&context, options] {
-    context.command = [&context, options] { return run_reproduce(context, *options); };
-  });
+  set_command(*sub, context, run_reproduce, options);
 }
 
 }  // namespace candela::client
