@@ -14,6 +14,7 @@
 
 #include "client/doctor/checks.h"
 #include "client/values.h"
+#include "common/base/enum_names.h"
 #include "common/base/version.h"
 #include "common/image/formats.h"
 
@@ -78,17 +79,7 @@ unsigned usable_processors() {
 }  // namespace
 
 std::string_view name(Diagnosis::State state) {
-  switch (state) {
-    case Diagnosis::State::ok:
-      return "ok";
-    case Diagnosis::State::skipped:
-      return "skipped";
-    case Diagnosis::State::warning:
-      return "warning";
-    case Diagnosis::State::broken:
-      return "broken";
-  }
-  return "broken";
+  return name_of_value({"ok", "skipped", "warning", "broken"}, state, "broken");
 }
 
 Diagnosis check_program() {

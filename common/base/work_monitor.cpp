@@ -1,5 +1,7 @@
 #include "common/base/work_monitor.h"
 
+#include "common/base/enum_names.h"
+
 namespace candela {
 namespace {
 
@@ -32,23 +34,9 @@ void work_phase(WorkPhase phase) {
 }
 
 std::string_view doing(WorkPhase phase) {
-  switch (phase) {
-    case WorkPhase::waiting:
-      return "waiting";
-    case WorkPhase::fetching:
-      return "fetching files";
-    case WorkPhase::reading:
-      return "reading the scene";
-    case WorkPhase::building:
-      return "building the scene";
-    case WorkPhase::piloting:
-      return "measuring the scene in a pilot";
-    case WorkPhase::rendering:
-      return "rendering";
-    case WorkPhase::pushing:
-      return "delivering";
-  }
-  return "working";
+  return name_of_value({"waiting", "fetching files", "reading the scene", "building the scene",
+                        "measuring the scene in a pilot", "rendering", "delivering"},
+                       phase, "working");
 }
 
 }  // namespace candela

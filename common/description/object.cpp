@@ -4,30 +4,14 @@
 #include <algorithm>
 #include <cassert>
 
+#include "common/base/enum_names.h"
 #include "common/description/transform.h"
 
 namespace candela::description {
 
 std::string_view name(PropertyType type) {
-  switch (type) {
-    case PropertyType::boolean:
-      return "boolean";
-    case PropertyType::integer:
-      return "integer";
-    case PropertyType::number:
-      return "float";
-    case PropertyType::string:
-      return "string";
-    case PropertyType::point:
-      return "point";
-    case PropertyType::vector:
-      return "vector";
-    case PropertyType::rgb:
-      return "rgb";
-    case PropertyType::transform:
-      return "transform";
-  }
-  return "?";
+  return name_of_value({"boolean", "integer", "float", "string", "point", "vector", "rgb", "transform"},
+                       type);
 }
 
 namespace {

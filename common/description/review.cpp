@@ -6,6 +6,7 @@
 #include <set>
 #include <tuple>
 
+#include "common/base/enum_names.h"
 #include "common/description/check.h"
 #include "common/description/text.h"
 #include "common/description/vocabulary.h"
@@ -150,19 +151,7 @@ class Reviewer {
 }  // namespace
 
 std::string_view name(Finding::Kind kind) {
-  switch (kind) {
-    case Finding::Kind::differs:
-      return "differs";
-    case Finding::Kind::dark:
-      return "dark";
-    case Finding::Kind::missing:
-      return "missing";
-    case Finding::Kind::ignored:
-      return "ignored";
-    case Finding::Kind::unused:
-      return "unused";
-  }
-  return "?";
+  return name_of_value({"differs", "dark", "missing", "ignored", "unused"}, kind);
 }
 
 bool is_warning(Finding::Kind kind) {

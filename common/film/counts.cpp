@@ -1,21 +1,11 @@
 #include "common/film/counts.h"
 
+#include "common/base/enum_names.h"
+
 namespace candela::film {
 
 std::string_view name(RejectCause cause) {
-  switch (cause) {
-    case RejectCause::not_a_number:
-      return "nan";
-    case RejectCause::infinite:
-      return "infinite";
-    case RejectCause::negative:
-      return "negative";
-    case RejectCause::saturated:
-      return "saturated";
-    case RejectCause::statistics:
-      return "statistics";
-  }
-  return "unknown";
+  return name_of_value({"nan", "infinite", "negative", "saturated", "statistics"}, cause, "unknown");
 }
 
 void SampleCounts::add(const SampleCounts& other) {

@@ -14,6 +14,7 @@
 #include <limits>
 #include <utility>
 
+#include "common/base/enum_names.h"
 #include "common/film/codec.h"
 #include "common/film/unit_film.h"
 
@@ -41,19 +42,7 @@ Error section_error(std::string_view text) {
 }
 
 std::string_view name_of(SectionKind kind) {
-  switch (kind) {
-    case SectionKind::film:
-      return "film";
-    case SectionKind::accumulator:
-      return "accumulator";
-    case SectionKind::records:
-      return "records";
-    case SectionKind::table:
-      return "table";
-    case SectionKind::counts:
-      return "counts";
-  }
-  return "unknown";
+  return name_of_value({"unknown", "film", "accumulator", "records", "table", "counts"}, kind, "unknown");
 }
 
 // A unit's sections, in order.

@@ -1,5 +1,7 @@
 #include "common/wire/roles.h"
 
+#include "common/base/enum_names.h"
+
 #include <array>
 
 namespace candela::wire {
@@ -10,17 +12,7 @@ constexpr std::array kAll = {Role::worker, Role::submit, Role::operate, Role::re
 }  // namespace
 
 std::string_view name(Role role) {
-  switch (role) {
-    case Role::worker:
-      return "worker";
-    case Role::submit:
-      return "submit";
-    case Role::operate:
-      return "operate";
-    case Role::read:
-      return "read";
-  }
-  return "";
+  return name_of_value({"worker", "submit", "operate", "read"}, role, "");
 }
 
 std::optional<Role> role_of(std::string_view word) {

@@ -6,6 +6,7 @@
 #include <charconv>
 #include <optional>
 
+#include "common/base/enum_names.h"
 #include "common/wire/wire.h"
 
 namespace candela::wire {
@@ -31,23 +32,8 @@ std::string line_of(std::string_view text) {
 }
 
 std::string_view kind_name(ErrorKind kind) {
-  switch (kind) {
-    case ErrorKind::usage:
-      return "usage";
-    case ErrorKind::input:
-      return "input";
-    case ErrorKind::failed:
-      return "failed";
-    case ErrorKind::unreachable:
-      return "unreachable";
-    case ErrorKind::refused:
-      return "refused";
-    case ErrorKind::resource:
-      return "resource";
-    case ErrorKind::internal:
-      return "internal";
-  }
-  return "internal";
+  return name_of_value({"usage", "input", "failed", "unreachable", "refused", "resource", "internal"}, kind,
+                       "internal");
 }
 
 grpc::StatusCode code_of(ErrorKind kind) {

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 
+#include "common/base/enum_names.h"
 #include "common/edits/edits.h"
 #include "common/film/layout.h"
 #include "common/job/aov.h"
@@ -21,6 +22,9 @@ namespace {
 
 constexpr std::size_t kMaxIdentifierBytes = 64;
 using film::kMaxScaleLog2;
+// In the order of Unit::Kind.
+constexpr std::array<v1::Unit::Kind, 4> kUnitKinds = {v1::Unit::KIND_PILOT, v1::Unit::KIND_ITERATIONS,
+                                                      v1::Unit::KIND_BOOTSTRAP, v1::Unit::KIND_SEGMENTS};
 
 // Shortens a peer's text for a message: printable, and not long.
 std::string shown(std::string_view text) {
@@ -128,9 +132,7 @@ void to_proto(const StopRule& stop, const film::HalfSets& indices, v1::StopRule&
 
 void to_proto(const Unit& unit, v1::Unit& out) {
   out.Clear();
-  static constexpr std::array<v1::Unit::Kind, 4> kKinds = {v1::Unit::KIND_PILOT, v1::Unit::KIND_ITERATIONS,
-                                                           v1::Unit::KIND_BOOTSTRAP, v1::Unit::KIND_SEGMENTS};
-  out.set_kind(kKinds[static_cast<std::size_t>(unit.kind)]);
+  out.set_kind(kUnitKinds[static_cast<std::size_t>(unit.kind)]);
   out.set_half(unit.half);
   out.set_begin(unit.begin);
   out.set_end(unit.end);
@@ -246,22 +248,10 @@ Result<film::HalfSets> indices_of(const v1::StopRule& message) {
 
 Result<Unit> from_proto(const v1::Unit& message) {
   Unit unit;
-  switch (message.kind()) {
-    case v1::Unit::KIND_PILOT:
-      unit.kind = Unit::Kind::pilot;
-      break;
-    case v1::Unit::KIND_ITERATIONS:
-      unit.kind = Unit::Kind::iterations;
-      break;
-    case v1::Unit::KIND_BOOTSTRAP:
-      unit.kind = Unit::Kind::bootstrap;
-      break;
-    case v1::Unit::KIND_SEGMENTS:
-      unit.kind = Unit::Kind::segments;
-      break;
-    default:
-      return field_error("unit.kind", fmt::format("{} is no kind of unit", static_cast<int>(message.kind())));
-  }
+  const auto kind = std::ranges::find(kUnitKinds, message.kind());
+  if (kind == kUnitKinds.end())
+    return field_error("unit.kind", fmt::format("{} is no kind of unit", static_cast<int>(message.kind())));
+  unit.kind = static_cast<Unit::Kind>(kind - kUnitKinds.begin());
   if (message.half() > 1)
     return field_error("unit.half", fmt::format("{} is neither 0 nor 1", message.half()));
   if (unit.kind == Unit::Kind::bootstrap && message.half() != 0)
@@ -351,22 +341,8 @@ v1::WorkPhase to_proto(WorkPhase phase) {
 }
 
 std::string_view name(v1::JobState state) {
-  switch (state) {
-    case v1::JOB_STATE_QUEUED:
-      return "queued";
-    case v1::JOB_STATE_RUNNING:
-      return "running";
-    case v1::JOB_STATE_PAUSED:
-      return "paused";
-    case v1::JOB_STATE_DONE:
-      return "done";
-    case v1::JOB_STATE_FAILED:
-      return "failed";
-    case v1::JOB_STATE_CANCELLED:
-      return "cancelled";
-    default:
-      return "unknown";
-  }
+  return name_of_value({"unknown", "queued", "running", "paused", "done", "failed", "cancelled"}, state,
+                       "unknown");
 }
 
 }  // namespace candela::wire

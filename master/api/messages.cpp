@@ -43,21 +43,9 @@ void set_epochs(const EpochStatus& status, v1::EpochStatus& out) {
 }  // namespace
 
 v1::JobState to_message(JobState state) {
-  switch (state) {
-    case JobState::queued:
-      return v1::JOB_STATE_QUEUED;
-    case JobState::running:
-      return v1::JOB_STATE_RUNNING;
-    case JobState::paused:
-      return v1::JOB_STATE_PAUSED;
-    case JobState::done:
-      return v1::JOB_STATE_DONE;
-    case JobState::failed:
-      return v1::JOB_STATE_FAILED;
-    case JobState::cancelled:
-      return v1::JOB_STATE_CANCELLED;
-  }
-  return v1::JOB_STATE_UNSPECIFIED;
+  static_assert(v1::JOB_STATE_QUEUED == static_cast<int>(JobState::queued) + 1 &&
+                v1::JOB_STATE_CANCELLED == static_cast<int>(JobState::cancelled) + 1);
+  return static_cast<v1::JobState>(static_cast<int>(state) + 1);
 }
 
 v1::JobName to_message(const JobName& name) {
@@ -237,21 +225,9 @@ v1::GetLedgerResponse to_message(const Ledger& ledger) {
 }
 
 v1::DeltaVerdict to_message(DeltaVerdict verdict) {
-  switch (verdict) {
-    case DeltaVerdict::merged:
-      return v1::DELTA_VERDICT_MERGED;
-    case DeltaVerdict::duplicate:
-      return v1::DELTA_VERDICT_DUPLICATE;
-    case DeltaVerdict::stale:
-      return v1::DELTA_VERDICT_STALE;
-    case DeltaVerdict::corrupt:
-      return v1::DELTA_VERDICT_CORRUPT;
-    case DeltaVerdict::wrong_build:
-      return v1::DELTA_VERDICT_WRONG_BUILD;
-    case DeltaVerdict::job_ended:
-      return v1::DELTA_VERDICT_JOB_ENDED;
-  }
-  return v1::DELTA_VERDICT_UNSPECIFIED;
+  static_assert(v1::DELTA_VERDICT_MERGED == static_cast<int>(DeltaVerdict::merged) + 1 &&
+                v1::DELTA_VERDICT_JOB_ENDED == static_cast<int>(DeltaVerdict::job_ended) + 1);
+  return static_cast<v1::DeltaVerdict>(static_cast<int>(verdict) + 1);
 }
 
 Result<DeltaHeader> from_message(const v1::DeltaHeader& header) {

@@ -12,21 +12,8 @@ namespace candela::master {
 namespace {
 
 int rank_of(JobState state) {
-  switch (state) {
-    case JobState::failed:
-      return 0;
-    case JobState::running:
-      return 1;
-    case JobState::queued:
-      return 2;
-    case JobState::paused:
-      return 3;
-    case JobState::done:
-      return 4;
-    case JobState::cancelled:
-      return 5;
-  }
-  return 5;
+  constexpr int kRanks[] = {2, 1, 3, 4, 0, 5};  // queued, running, paused, done, failed, cancelled
+  return kRanks[static_cast<std::size_t>(state)];
 }
 
 // Sum and number of measured costs.

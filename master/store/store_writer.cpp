@@ -3,27 +3,14 @@
 #include <chrono>
 #include <iterator>
 
+#include "common/base/enum_names.h"
 #include "common/base/memory_limit.h"
 #include "master/store/store.h"
 
 namespace candela::master {
 
 std::string_view name(JobState state) {
-  switch (state) {
-    case JobState::queued:
-      return "queued";
-    case JobState::running:
-      return "running";
-    case JobState::paused:
-      return "paused";
-    case JobState::done:
-      return "done";
-    case JobState::failed:
-      return "failed";
-    case JobState::cancelled:
-      return "cancelled";
-  }
-  return "unknown";
+  return name_of_value({"queued", "running", "paused", "done", "failed", "cancelled"}, state, "unknown");
 }
 
 StoreWriter::StoreWriter(Store& store, std::function<void(const std::string&)> on_error)

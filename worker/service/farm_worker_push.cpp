@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <exception>
 
+#include "common/base/enum_names.h"
 #include "common/base/hash.h"
 #include "common/base/log.h"
 #include "common/base/version.h"
@@ -17,22 +18,11 @@ namespace {
 constexpr std::uint32_t kQueueFullMs = 500;  // where the master names no wait
 
 std::string_view text_of(v1::DeltaVerdict verdict) {
-  switch (verdict) {
-    case v1::DELTA_VERDICT_MERGED:
-      return "merged";
-    case v1::DELTA_VERDICT_DUPLICATE:
-      return "dropped, the unit is merged already";
-    case v1::DELTA_VERDICT_STALE:
-      return "dropped, the lease is not ours any more";
-    case v1::DELTA_VERDICT_CORRUPT:
-      return "refused as corrupt";
-    case v1::DELTA_VERDICT_WRONG_BUILD:
-      return "refused, the master expects another build";
-    case v1::DELTA_VERDICT_JOB_ENDED:
-      return "dropped, the job has ended";
-    default:
-      return "answered with an unknown verdict";
-  }
+  constexpr std::string_view kUnknown = "answered with an unknown verdict";
+  return name_of_value(
+      {kUnknown, "merged", "dropped, the unit is merged already", "dropped, the lease is not ours any more",
+       "refused as corrupt", "refused, the master expects another build", "dropped, the job has ended"},
+      verdict, kUnknown);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/enum_names.h"
 #include "worker/transport/manifold/frame.h"
 
 namespace candela::transport::manifold {
@@ -38,21 +39,7 @@ bool orthonormalize(ChainVertex& v) {
 }
 
 const char* name_of(Fault fault) {
-  switch (fault) {
-    case Fault::none:
-      return "none";
-    case Fault::coincident:
-      return "coincident";
-    case Fault::grazing:
-      return "grazing";
-    case Fault::frame:
-      return "frame";
-    case Fault::side:
-      return "side";
-    case Fault::not_finite:
-      return "not finite";
-  }
-  return "";
+  return name_of_value({"none", "coincident", "grazing", "frame", "side", "not finite"}, fault, "").data();
 }
 
 namespace {
