@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "master/options.h"
-#include "master/scheduler/invariants.h"
+#include "tests/scheduler_invariants.h"
 
 namespace candela::test {
 

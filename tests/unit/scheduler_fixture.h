@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "master/scheduler/invariants.h"
 #include "master/scheduler/scheduler.h"
+#include "tests/scheduler_invariants.h"
 
 namespace candela::master {
 

@@ -1,5 +1,5 @@
 // Claims, on random paths through every scene of tests/statistical/transport and gallery, and
-// ../shared/scenes where it is there. The oracle is worker/transport/reference/reference.h: literal products
+// ../shared/scenes where it is there. The oracle is tests/unit/transport_reference.h: literal products
 // in double.
 // - The weights of the recursion (mis/balance_power.h), driven with the numbers of one path, are those of the
 // literal

@@ -1,5 +1,5 @@
 // Random paths for tests of the transport layer: subpaths walked as the kernels do, all their vertices kept,
-// and joined to whole paths for the oracle (worker/transport/reference/reference.h).
+// and joined to whole paths for the oracle (tests/unit/transport_reference.h).
 #pragma once
 
 #include <cstdint>
@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "common/bundle/gather.h"
+#include "tests/unit/transport_reference.h"
 #include "worker/scene/bsdfs/path_edited.h"
 #include "worker/scene/objects.h"
-#include "worker/transport/reference/reference.h"
 #include "worker/transport/technique/connect.h"
 #include "worker/transport/technique/connect_lens.h"
 #include "worker/transport/technique/hit_lens.h"

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/unit/transport_reference.h"
 #include "worker/transport/mis/beam_balance.h"
-#include "worker/transport/reference/reference.h"
 
 namespace candela::transport {
 

@@ -1,5 +1,5 @@
 // Named invariants of the scheduler: what holds between any two calls of it, whatever happened before. Tests
-// call check_invariants(); a master in production does not.
+// call check_invariants().
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-#include "master/scheduler/invariants.h"
+#include "tests/scheduler_invariants.h"
 
 #include <fmt/format.h>
 

@@ -1,8 +1,8 @@
 // Products of densities, and weights.
 #include <algorithm>
 
+#include "tests/unit/transport_reference.h"
 #include "worker/transport/mis/factors.h"
-#include "worker/transport/reference/reference.h"
 
 namespace candela::transport::reference {
 
