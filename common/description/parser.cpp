@@ -44,8 +44,7 @@ constexpr std::size_t max_notes = 100'000;
 class Parser {
  public:
   Parser(const UnpackedFiles& files, const std::string& main_key,
-         const std::map<std::string, std::string>& given, const Reading& reading,
-         std::vector<Error>* errors = nullptr)
+         const std::map<std::string, std::string>& given, const Reading& reading, std::vector<Error>* errors)
       : files_(files, main_key),
         budget_(files.budget()),
         main_key_(main_key),
@@ -63,7 +62,7 @@ class Parser {
     if (!root.attribute("version"))
       return error_at(document->where(root), "<scene> lacks the attribute 'version'")
           .with_mend("write <scene version=\"3.0.0\">, or the version the file was made for");
-    CANDELA_ASSIGN(file.legacy, is_legacy(file, root));
+    CANDELA_ASSIGN(file.legacy, is_legacy(file.document, root, file.legacy));
     include_stack_.push_back(main_key_);
     CANDELA_ASSIGN(const std::size_t scene, parse_object(file, root, 1));
     // A shape that is wrong already has no materials to look for.
@@ -97,11 +96,6 @@ class Parser {
 
   // ---- elements ----
 
-  static Result<void> expect_element(const File& file, const pugi::xml_node& node) {
-    if (node.type() == pugi::node_element) return {};
-    return unexpected_text(file.document, node);
-  }
-
   // The node's attributes with parameters resolved.
   Result<Element> element(const File& file, const pugi::xml_node& node) {
     Result<Element> result = read_element(file.document, node, file.legacy, parameters_);
@@ -111,30 +105,6 @@ class Parser {
                                            text::quote("$" + name), value)});
     }
     return result;
-  }
-
-  Result<bool> is_legacy(const File& file, const pugi::xml_node& root) const {
-    const pugi::xml_attribute version = root.attribute("version");
-    if (!version) return file.legacy;
-    const std::optional<int> major = major_version(version.value());
-    if (!major)
-      return error_at(file.document.where(root),
-                      fmt::format("{} is not a version", text::quote(version.value())))
-          .with_mend("write it as '3.0.0'");
-    return *major < 2;
-  }
-
-  static std::string modern_name(const File& file, std::string_view name) {
-    return file.legacy ? text::snake_case(name) : std::string(name);
-  }
-
-  // Leading underscores are Mitsuba's own.
-  static Result<void> check_name(const Element& element, std::string_view attribute) {
-    const std::string_view name = element.get(attribute);
-    if (!element.legacy && name.starts_with('_'))
-      return element.error(
-          fmt::format("{} {} starts with an underscore, which is reserved", attribute, text::quote(name)));
-    return {};
   }
 
   // ---- objects ----
@@ -148,7 +118,7 @@ class Parser {
 
   // The index of the new draft. `depth` is 1 for the scene.
   Result<std::size_t> parse_object(const File& file, const pugi::xml_node& node, int depth) {
-    CANDELA_TRY(expect_element(file, node));
+    CANDELA_TRY(expect_element(file.document, node));
     CANDELA_ASSIGN(const Element written, element(file, node));
     const bool is_scene = written.name == "scene";
     if (is_scene) {
@@ -247,14 +217,11 @@ class Parser {
     if (drafts_[index].broken) return {};
     CANDELA_TRY(check_properties(*object, *rule));
     if (object->category == "bsdf") CANDELA_TRY(resolve_material(*object));
-    for (const PropertyRule& property_rule : rule->properties) {
-      if (!property_rule.is_file) continue;
-      for (Property& property : object->properties)
-        if (property.name == property_rule.name) {
-          CANDELA_ASSIGN(property.value,
-                         find_file(file, property.where, std::get<std::string>(property.value)));
-        }
-    }
+    for (Property& property : object->properties)
+      if (const PropertyRule* known = find_rule(*rule, property.name); known != nullptr && known->is_file) {
+        CANDELA_ASSIGN(property.value,
+                       find_file(file, property.where, std::get<std::string>(property.value)));
+      }
     return {};
   }
 
@@ -346,18 +313,17 @@ class Parser {
 
   Result<void> parse_child(const File& file, const pugi::xml_node& node, std::size_t parent, int depth) {
     const std::string_view name = node.name();
-    if (node.type() == pugi::node_element && name == "scene")
+    const bool is_element = node.type() == pugi::node_element;
+    if (is_element && name == "scene")
       return error_at(file.document.where(node), "<scene> cannot be inside another element");
-    if (node.type() == pugi::node_element && (name == "spectrum" || name == "blackbody") &&
-        stand_in::category_of(node) != "texture")
+    if (is_element && (name == "spectrum" || name == "blackbody") && stand_in::category_of(node) != "texture")
       return parse_spectrum(file, node, parent, depth);
-    if (node.type() == pugi::node_element && is_other_integrator(name))
-      return pass_over_integrator(file, node, parent, depth + 1);
-    if (node.type() == pugi::node_element && is_category(name)) {
+    if (is_element && is_other_integrator(name)) return pass_over_integrator(file, node, parent, depth + 1);
+    if (is_element && is_category(name)) {
       CANDELA_ASSIGN(const std::size_t index, parse_object(file, node, depth + 1));
       return link_object(file, node, parent, index);
     }
-    CANDELA_TRY(expect_element(file, node));
+    CANDELA_TRY(expect_element(file.document, node));
     if (reading_.lenient && (is_unknown_element(name) || support_of_category(name) == Support::later)) {
       pass_over(unknown_element(file.document.where(node), name));
       return {};
@@ -370,10 +336,10 @@ class Parser {
       CANDELA_TRY(check_name(written, "name"));
       CANDELA_ASSIGN(Property property,
                      parse_value(reading_.lenient ? repair::srgb(written, passed_over_) : written));
-      CANDELA_TRY(no_children(file, node));
+      CANDELA_TRY(no_children(file.document, node));
       return add_property(file, std::move(property), parent);
     }
-    CANDELA_TRY(no_children(file, node));
+    CANDELA_TRY(no_children(file.document, node));
     if (name == "ref") return parse_reference(file, written, parent);
     if (name == "default") return parse_default(written);
     if (name == "alias") return parse_alias(written);
@@ -387,11 +353,8 @@ class Parser {
   Result<void> parse_spectrum(const File& file, const pugi::xml_node& node, std::size_t parent, int depth) {
     CANDELA_ASSIGN(const Element written, element(file, node));
     CANDELA_TRY(check_name(written, "name"));
-    Property property;
-    property.name = std::string(written.get("name"));
-    property.type = PropertyType::rgb;
-    property.where = written.where;
-    const SpectrumUse use = spectrum_use(*drafts_[parent].object, modern_name(file, property.name));
+    Property property{std::string(written.get("name")), PropertyType::rgb, {}, written.where};
+    const SpectrumUse use = spectrum_use(*drafts_[parent].object, modern_name(file.legacy, property.name));
     ConvertedSpectrum converted;
     std::string differs;
     if (written.name == "spectrum" && written.find("type") != nullptr) {
@@ -412,8 +375,8 @@ class Parser {
       drafts_.pop_back();
       CANDELA_ASSIGN(converted, convert_spectrum_plugin(*object, use));
     } else {
-      CANDELA_TRY(expect_element(file, node));
-      CANDELA_TRY(no_children(file, node));
+      CANDELA_TRY(expect_element(file.document, node));
+      CANDELA_TRY(no_children(file.document, node));
       if (written.name == "blackbody") {
         CANDELA_ASSIGN(converted, convert_blackbody(written));
       } else if (written.find("filename") != nullptr) {
@@ -431,14 +394,6 @@ class Parser {
       notes_.push_back({written.where, std::move(converted.note)});
     property.value = converted.rgb;
     return add_property(file, std::move(property), parent);
-  }
-
-  Result<void> no_children(const File& file, const pugi::xml_node& node) {
-    const pugi::xml_node child = node.first_child();
-    if (!child) return {};
-    CANDELA_TRY(expect_element(file, child));
-    return error_at(file.document.where(child),
-                    fmt::format("<{}> cannot be inside <{}>", child.name(), node.name()));
   }
 
   Result<void> link_object(const File& file, const pugi::xml_node& node, std::size_t parent,
@@ -462,13 +417,13 @@ class Parser {
   // Slots follow the spelling of parameters, but for names of an OBJ file's materials.
   std::string modern_slot(const File& file, std::size_t parent, std::string_view name) const {
     if (drafts_[parent].object->plugin == "obj") return std::string(name);
-    const std::string slot = modern_name(file, name);
+    const std::string slot = modern_name(file.legacy, name);
     return file.legacy ? legacy::slot_name(*drafts_[parent].object, slot) : slot;
   }
 
   Result<void> add_property(const File& file, Property property, std::size_t parent) {
     Object& object = *drafts_[parent].object;
-    property.name = modern_name(file, property.name);
+    property.name = modern_name(file.legacy, property.name);
     if (property.name.empty())
       return error_at(property.where, fmt::format("a parameter of {} has an empty name", describe(object)));
     for (Link& link : drafts_[parent].links)
@@ -495,21 +450,18 @@ class Parser {
                                std::size_t parent) {
     CANDELA_TRY(written.expect({"name"}));
     CANDELA_TRY(check_name(written, "name"));
-    Property property;
-    property.name = std::string(written.get("name"));
-    property.type = PropertyType::transform;
-    property.where = written.where;
-    const bool two_dimensional = modern_name(file, property.name) == "to_uv";
+    Property property{std::string(written.get("name")), PropertyType::transform, {}, written.where};
+    const bool two_dimensional = modern_name(file.legacy, property.name) == "to_uv";
     // Each operation acts after those before it.
     Mat4 matrix = transform::identity;
     for (const pugi::xml_node& child : node.children()) {
       work_step();
-      CANDELA_TRY(expect_element(file, child));
+      CANDELA_TRY(expect_element(file.document, child));
       CANDELA_ASSIGN(const Element operation, element(file, child));
       if (!is_transform_operation(operation.name))
         return operation.error(fmt::format("<{}> cannot be inside <transform>", operation.name))
             .with_mend("there is <translate>, <rotate>, <scale>, <lookat>, <matrix>");
-      CANDELA_TRY(no_children(file, child));
+      CANDELA_TRY(no_children(file.document, child));
       Result<Mat4> step = parse_operation(operation, two_dimensional);
       if (!step.ok() && reading_.lenient && operation.name == "rotate" &&
           operation.find("angle") != nullptr) {
@@ -519,11 +471,7 @@ class Parser {
       if (!step.ok()) return std::move(step).error();
       matrix = transform::multiply(*step, matrix);
     }
-    if (!transform::is_finite(matrix))
-      return written.error(fmt::format("the transform {} is not finite", text::quote(property.name)));
-    if (!transform::is_invertible(matrix))
-      return written.error(fmt::format("the transform {} is singular", text::quote(property.name)))
-          .with_mend("it flattens space; scale by a small number instead of 0");
+    CANDELA_TRY(check_transform(written, matrix));
     property.value = matrix;
     return add_property(file, std::move(property), parent);
   }
@@ -535,7 +483,7 @@ class Parser {
                   .with_mend("the first transform of <animation> is taken"));
     const pugi::xml_node first = node.child("transform");
     if (!first) return {};
-    CANDELA_TRY(expect_element(file, first));
+    CANDELA_TRY(expect_element(file.document, first));
     return parse_transform(file, first, written, parent);
   }
 
@@ -589,7 +537,7 @@ class Parser {
     CANDELA_ASSIGN(const std::unique_ptr<XmlDocument> document, files_.document(key));
     File included{*document, file.legacy};
     const pugi::xml_node root = document->root();
-    CANDELA_ASSIGN(included.legacy, is_legacy(included, root));
+    CANDELA_ASSIGN(included.legacy, is_legacy(included.document, root, included.legacy));
     include_stack_.push_back(key);
     Result<void> read = parse_included(file, included, root, written, parent, depth);
     include_stack_.pop_back();
@@ -600,18 +548,14 @@ class Parser {
                               const Element& written, std::size_t parent, int depth) {
     const std::string_view name = root.name();
     if (name == "scene") {
-      CANDELA_TRY(expect_element(included, root));
-      CANDELA_TRY(parse_children(included, root, parent, depth));
-    } else if (is_other_integrator(name)) {
-      CANDELA_TRY(pass_over_integrator(included, root, parent, depth + 1));
-    } else if (is_category(name)) {
-      CANDELA_ASSIGN(const std::size_t index, parse_object(included, root, depth + 1));
-      CANDELA_TRY(add_link(
-          parent, {modern_slot(file, parent, written.get("name")), written.where, index, false, {}}));
-    } else {
-      return unknown_element(included.document.where(root), name);
+      CANDELA_TRY(expect_element(included.document, root));
+      return parse_children(included, root, parent, depth);
     }
-    return {};
+    if (is_other_integrator(name)) return pass_over_integrator(included, root, parent, depth + 1);
+    if (!is_category(name)) return unknown_element(included.document.where(root), name);
+    CANDELA_ASSIGN(const std::size_t index, parse_object(included, root, depth + 1));
+    return add_link(parent,
+                    {modern_slot(file, parent, written.get("name")), written.where, index, false, {}});
   }
 
   SceneFiles files_;
@@ -630,26 +574,27 @@ class Parser {
   std::set<std::size_t> has_integrator_;  // drafts that an <integrator> in place of another was put into
 };
 
+// errors: those of objects, if all are wanted.
+Result<ReadScene> read(const FileSource& files, const std::string& main_key,
+                       const std::map<std::string, std::string>& parameters, const Reading& reading,
+                       std::vector<Error>* errors) {
+  if (pbrt::is_pbrt_file(main_key)) return pbrt::read_pbrt_scene(files, main_key, parameters, reading);
+  const UnpackedFiles unpacked(files);
+  return Parser(unpacked, main_key, parameters, reading, errors).run();
+}
+
 }  // namespace
 
 Result<ReadScene> read_scene(const FileSource& files, const std::string& main_key,
                              const std::map<std::string, std::string>& parameters, const Reading& reading) {
-  if (pbrt::is_pbrt_file(main_key)) return pbrt::read_pbrt_scene(files, main_key, parameters, reading);
-  const UnpackedFiles unpacked(files);
-  return Parser(unpacked, main_key, parameters, reading).run();
+  return read(files, main_key, parameters, reading, nullptr);
 }
 
 std::vector<Error> all_errors(const FileSource& files, const std::string& main_key,
                               const std::map<std::string, std::string>& parameters, const Reading& reading) {
   std::vector<Error> errors;
-  if (pbrt::is_pbrt_file(main_key)) {
-    const auto read = pbrt::read_pbrt_scene(files, main_key, parameters, reading);
-    if (!read.ok()) errors.push_back(read.error());
-    return errors;
-  }
-  const UnpackedFiles unpacked(files);
-  const auto read = Parser(unpacked, main_key, parameters, reading, &errors).run();
-  if (!read.ok() && (errors.empty() || files.budget().refused())) errors.push_back(read.error());
+  const Result<ReadScene> scene = read(files, main_key, parameters, reading, &errors);
+  if (!scene.ok() && (errors.empty() || files.budget().refused())) errors.push_back(scene.error());
   return errors;
 }
 
