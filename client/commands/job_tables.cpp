@@ -92,6 +92,11 @@ void print_mutations(Line&& line, const v1::ChainStatus& c) {
 template <class Line>
 void print_chains(Line&& line, const v1::JobStatus& s) {
   const v1::ChainStatus& c = s.chains();
+  if (c.plan().chains() == 0) {
+    line("mutations", "of short chains");
+    print_mutations(line, c);
+    return;
+  }
   line("chains", fmt::format("{}, {} mutations a segment", c.plan().chains(), c.plan().segment_mutations()));
   if (!s.has_named_state()) {
     line("bootstrap", fmt::format("{} of {} samples", c.bootstrap_done(), c.plan().bootstrap_samples()));
