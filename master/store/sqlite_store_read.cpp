@@ -26,7 +26,8 @@ Result<void> SqliteStore::read_chains(const JobCells& cells, JobRow& j) const {
   v1::ChainStatus message;
   if (!message.ParseFromString(cells.chain_status.text)) return unusable("their figures cannot be read");
   if (cells.plan.chains == 0) {  // mutations within iterations, or none
-    if (message.groups_size() > 0) CANDELA_ASSIGN(j.chain_summary, wire::from_proto(message));
+    if (message.groups_size() == 0) return {};
+    CANDELA_ASSIGN(j.chain_summary, wire::from_proto(message));
     return {};
   }
   if (auto valid = chains::validate(cells.plan); !valid.ok()) return unusable(valid.error().to_string());

@@ -99,5 +99,27 @@ TEST(TwoStages, AMissedLampSpoilsNoOtherPixel) {
   }
 }
 
+// Claim: if chains bring next to nothing, the film keeps the light that path tracing brings beside them: a
+// scale that follows b0 alone has no room for it.
+TEST(ChainScale, LightWithoutChainsIsKept) {
+  const TestScene scene = scene_from_xml(R"(
+<scene version="3.0.0"><integrator type="path"/>
+  <sensor type="perspective"><float name="fov" value="60"/></sensor>
+  <shape type="sphere"><boolean name="flip_normals" value="true"/>
+    <bsdf type="diffuse"><rgb name="reflectance" value="1e-10"/></bsdf>
+    <emitter type="area"><rgb name="radiance" value="1"/></emitter></shape>
+</scene>)",
+                                         8, 8);
+  for (const char* name : {"mmlt", "pssmlt", "mlt"}) {
+    const SettingsMap settings{
+        {"direct", "path"}, {"chains", "16"}, {"bootstrap", "1024"}, {"mutations", "4"}};
+    const ChainImage image = render_chains({with_integrator(scene, name, settings), 1}, 1);
+    double mean = 0;
+    for (const double value : image.image) mean += value / static_cast<double>(image.image.size());
+    EXPECT_NEAR(mean, 1, 0.02) << name;
+    EXPECT_EQ(image.sample_counts.rejected, film::SampleCounts().rejected) << name;
+  }
+}
+
 }  // namespace
 }  // namespace candela::statistical
