@@ -1,5 +1,6 @@
-// Chains in two stages where the first stage misses light: a small bright lamp that only a path from the eye
-// meets, behind a pane, over a part of the film that the first stage finds dark.
+// Chains beside light that they do not know of. Two stages, if the first one misses a small bright lamp that
+// only a path from the eye meets, behind a pane, over a part of the film that the first stage finds dark.
+// Light that needs no chain, if the chains have next to none.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -67,11 +68,12 @@ Parts parts_of(const Image& image) {
 // Claim: a lamp that bootstrap and first stage miss leaves the rest of the image as bright as it is, from the
 // first mutation on: its light, which large steps find, is next to nothing of b. With importance by the place
 // alone the wall is 300 times too bright; with one stage 15 to 40 times, and a message says so. Alarms
-// falsely where the wall's own noise, 15 %, is beyond 6 standard deviations.
+// falsely where the wall's noise, 5 to 10 %, is beyond four standard deviations.
 TEST(TwoStages, AMissedLampSpoilsNoOtherPixel) {
   const TestScene scene = room(0.25, 2e4);
-  const double wall =
-      parts_of(render_batches(with_integrator(scene, "path", {{"max_depth", "4"}}), 1, 1, 256).front()).wall;
+  // The lamp lights next to nothing of the wall, but makes fireflies there.
+  const TestScene faint = with_integrator(room(0.25, 1), "path", {{"max_depth", "4"}});
+  const double wall = parts_of(render_batches(faint, 1, 1, 256).front()).wall;
   const SettingsMap settings{{"direct", "chain"}, {"max_depth", "4"}};
   SettingsMap of_chains = settings;
   of_chains.insert({{"two_stage", "true"}, {"chains", "64"}, {"bootstrap", "4096"}, {"mutations", "32"}});
@@ -82,7 +84,7 @@ TEST(TwoStages, AMissedLampSpoilsNoOtherPixel) {
       std::printf("%s %d: wall %.3f, lamp %.3f; b0 %.4f +- %.4f, b %.4f +- %.4f\n", name,
                   static_cast<int>(seed), parts.wall / wall, parts.lamp, image.b0.b, image.b0.standard_error,
                   image.b.b, image.b.standard_error);
-      EXPECT_NEAR(parts.wall, wall, 0.6 * wall) << name << " " << seed;
+      EXPECT_NEAR(parts.wall, wall, 0.45 * wall) << name << " " << seed;
     }
   of_chains["two_stage"] = "false";
   const ChainImage one = render_chains({with_integrator(scene, "mmlt", of_chains), 4}, 5);

@@ -131,7 +131,8 @@ std::vector<chains::MutationCounts> counts_of_unit(const render::Renderer& rende
   std::vector<chains::MutationCounts> out;
   for (const auto& of_unit : output.accumulators) {
     film::MergedAccumulator merged(kSize, kSize, of_unit->spec());
-    merged.set_pixel(0, 0, std::vector<Int128>(of_unit->sums(), of_unit->sums() + of_unit->spec().channels));
+    merged.set_pixel(0, 0,
+                     std::vector<film::Int128>(of_unit->sums(), of_unit->sums() + of_unit->spec().channels));
     out.push_back(*chains::counts_of(merged));
   }
   return out;
