@@ -137,8 +137,8 @@ std::string format_progress(const v1::JobStatus& status) {
   if (status.iterations() > 0 && std::isfinite(status.relmse_estimate()))
     parts.push_back(stop.relmse() > 0 ? fmt::format("{}, to {:.1e}", relmse_text(status), stop.relmse())
                                       : relmse_text(status));
-  if (status.has_chains() && status.has_named_state()) parts.push_back(b_text(status.chains()));
-  if (running && status.has_chains() && !status.has_named_state()) {
+  if (status.chains().has_plan() && status.has_named_state()) parts.push_back(b_text(status.chains()));
+  if (running && status.chains().has_plan() && !status.has_named_state()) {
     parts.push_back(fmt::format("bootstrap: {} of {} samples", status.chains().bootstrap_done(),
                                 status.chains().plan().bootstrap_samples()));
   } else if (running && status.iterations() == 0 && status.units_merged() == 0) {

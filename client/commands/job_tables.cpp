@@ -92,6 +92,11 @@ void print_mutations(Line&& line, const v1::ChainStatus& c) {
 template <class Line>
 void print_chains(Line&& line, const v1::JobStatus& s) {
   const v1::ChainStatus& c = s.chains();
+  if (!c.has_plan()) {
+    line("mutations", "of short chains");
+    print_mutations(line, c);
+    return;
+  }
   line("chains", fmt::format("{}, {} mutations a segment", c.plan().chains(), c.plan().segment_mutations()));
   if (!s.has_named_state()) {
     line("bootstrap", fmt::format("{} of {} samples", c.bootstrap_done(), c.plan().bootstrap_samples()));
@@ -200,7 +205,7 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
                                taint.units() > 0 ? fmt::format("{} units", taint.units())
                                                  : std::string("the pilot or a part of the bootstrap")));
   if (s.lost() > 0)
-    line("lost", fmt::format("{} {}, {}", s.lost(), s.has_chains() ? "chain segments" : "iterations",
+    line("lost", fmt::format("{} {}, {}", s.lost(), s.chains().has_plan() ? "chain segments" : "iterations",
                              s.repairing() ? "being rendered again" : "see message"));
   line("samples", fmt::format("{}", s.samples()));
   if (s.light_paths() > 0) line("light paths", fmt::format("{}", s.light_paths()));

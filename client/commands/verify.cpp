@@ -72,7 +72,7 @@ Result<int> run_repair(Context& context, const VerifyOptions& options) {
     context.out << wire::job_json(status) << '\n';
   else if (status.repairing())
     context.err << fmt::format("job {} renders again what it has lost: {} {}\n", printable(status.id()),
-                               status.lost(), status.has_chains() ? "chain segments" : "iterations");
+                               status.lost(), status.chains().has_plan() ? "chain segments" : "iterations");
   else
     context.err << fmt::format("job {} is {}, nothing is lost\n", printable(status.id()),
                                wire::name(status.state()));

@@ -7,7 +7,7 @@
 namespace candela::wire {
 
 double samples_per_iteration(const v1::JobStatus& status) {
-  if (!status.has_chains()) return 1;
+  if (!status.chains().has_plan()) return 1;
   const v1::ChainPlan& plan = status.chains().plan();
   const double pixels = static_cast<double>(status.settings().width()) * status.settings().height();
   return pixels > 0 ? static_cast<double>(plan.segment_mutations()) * plan.chains() / pixels : 0;

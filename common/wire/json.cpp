@@ -162,7 +162,7 @@ Json job(const v1::JobStatus& s) {
   json["submitted_unix_ms"] = time_ms(s.submitted_unix_ms());
   json["finished_unix_ms"] = time_ms(s.finished_unix_ms());
   json["bootstrap_b"] =
-      s.has_chains() && s.has_named_state() ? finite(s.named_state().bootstrap_b()) : Json(nullptr);
+      s.chains().has_plan() && s.has_named_state() ? finite(s.named_state().bootstrap_b()) : Json(nullptr);
   json["chains"] = s.has_chains() ? chains(s.chains()) : Json(nullptr);
   json["epochs"] = s.has_epochs() ? epochs(s.epochs()) : Json(nullptr);
   json["layers"] = Json::array();

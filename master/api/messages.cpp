@@ -20,6 +20,7 @@ void set_failures(const FailureCounts& counts, google::protobuf::RepeatedPtrFiel
 void set_chains(const JobStatus& status, v1::ChainStatus& out) {
   const JobRow& r = status.row;
   wire::to_proto(r.chain_summary, out);
+  if (!r.chains) return;  // mutations within iterations
   wire::to_proto(*r.chains, *out.mutable_plan());
   out.set_bootstrap_done(status.bootstrap_done);
   const chains::Normalisation b = status.normalisation();
@@ -132,7 +133,7 @@ v1::JobStatus to_message(const JobStatus& status) {
   out.set_finished_unix_ms(r.finished_unix_ms);
   out.set_plan(r.plan);
   for (const std::string& layer : status.layers()) out.add_layers(layer);
-  if (r.chains) set_chains(status, *out.mutable_chains());
+  if (r.chains || !chains::by_mutation(r.chain_summary).empty()) set_chains(status, *out.mutable_chains());
   out.set_checkpoint_generation(r.checkpoint_generation);
   out.set_checkpoint_iterations(status.checkpoint_iterations());
   out.set_lost(status.lost);

@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <iterator>
 #include <map>
+#include <span>
 
 #include "common/base/files.h"
 #include "common/base/log.h"
 #include "common/base/memory_limit.h"
 #include "common/base/shell_words.h"
 #include "common/base/version.h"
+#include "common/chains/mutation_sums.h"
 #include "common/film/layers.h"
 #include "common/image/image.h"
 #include "common/image/mix.h"
@@ -49,6 +51,17 @@ std::uint64_t merged_in(const film::MergedFilm& film, Which which) {
   return indices;
 }
 
+void describe_mutations(std::span<const chains::MutationCounts> counts,
+                        std::map<std::string, std::string>& m) {
+  for (const chains::MutationCounts& one : counts) {
+    std::string text = fmt::format("proposed {}, accepted {}", one.proposed, one.accepted);
+    for (std::size_t cause = 0; cause < one.failed.size(); ++cause)
+      if (one.failed[cause] > 0)
+        text += fmt::format(", {} {}", chains::kMutationFailures[cause], one.failed[cause]);
+    m["candela:mutation." + one.name] = text + fmt::format(", rays {}", one.rays);
+  }
+}
+
 // Attributes of an image of Markov chains: its normalization and the movement of its chains. b is the whole
 // job's also in the image of a half.
 void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot, Which which,
@@ -79,13 +92,7 @@ void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot, Which
   m["candela:large_steps"] = share(all.large_steps, all.mutations);
   m["candela:large_acceptance"] = share(all.large_accepted, all.large_steps);
   m["candela:longest_stay"] = std::to_string(longest_stay);
-  for (const chains::MutationCounts& one : all.by_mutation) {
-    std::string text = fmt::format("proposed {}, accepted {}", one.proposed, one.accepted);
-    for (std::size_t cause = 0; cause < one.failed.size(); ++cause)
-      if (one.failed[cause] > 0)
-        text += fmt::format(", {} {}", chains::kMutationFailures[cause], one.failed[cause]);
-    m["candela:mutation." + one.name] = text + fmt::format(", rays {}", one.rays);
-  }
+  describe_mutations(all.by_mutation, m);
   m["candela:b"] = fmt::format("{}", summary.normalisation.b);
   m["candela:b_standard_error"] = fmt::format("{:.6g}", summary.normalisation.standard_error);
   m["candela:b_samples"] = std::to_string(summary.normalisation.samples);
@@ -199,6 +206,13 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
                                   static_cast<double>(sample_counts.sampled_merges));
   m["candela:bounded_walks"] = std::to_string(sample_counts.bounded_walks);
   if (row.chains) describe_chains(row, snapshot, parts.which, m);
+  std::vector<chains::MutationCounts> mutations;
+  for (const auto& halves : snapshot.accumulators)
+    for (std::uint32_t half = 0; half < 2; ++half)
+      if (halves[half] && includes(parts.which, half))
+        if (const auto counts = chains::counts_of(*halves[half]))
+          chains::add(mutations, std::span(&*counts, 1));
+  describe_mutations(mutations, m);
   if (row.development)
     m["candela:estimator"] =
         parts.estimator.empty() ? std::string(default_estimator(*row.development)) : parts.estimator;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "common/chains/growth.h"
 #include "master/scheduler/scheduler.h"
 
 namespace candela::master {
@@ -93,7 +94,9 @@ std::string Scheduler::chain_message(const JobRow& row) {
         "none of {} bootstrap samples found light: the image holds only what needs no chain; if there is "
         "more, submit the job again with more bootstrap samples",
         row.bootstrap.samples);
-  return chains::long_stay_text(row.chain_summary);
+  const std::string grown = chains::grown_b_text(row.bootstrap, row.chain_summary.normalisation),
+                    stay = chains::long_stay_text(row.chain_summary);
+  return grown + (grown.empty() || stay.empty() ? "" : "; ") + stay;
 }
 
 void Scheduler::found_black(const std::string& id, Now now) {

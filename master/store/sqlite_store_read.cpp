@@ -20,17 +20,21 @@ std::optional<JobState> state_of(std::string_view text) {
 }  // namespace
 
 Result<void> SqliteStore::read_chains(const JobCells& cells, JobRow& j) const {
-  if (cells.plan.chains == 0) return {};
   const auto unusable = [&](const std::string& why) {
     return input_error(fmt::format("the chains of job {} cannot be used: {}", j.id, why)).at(path_, 0);
   };
+  v1::ChainStatus message;
+  if (!message.ParseFromString(cells.chain_status.text)) return unusable("their figures cannot be read");
+  if (cells.plan.chains == 0) {  // mutations within iterations, or none
+    if (message.groups_size() == 0) return {};
+    CANDELA_ASSIGN(j.chain_summary, wire::from_proto(message));
+    return {};
+  }
   if (auto valid = chains::validate(cells.plan); !valid.ok()) return unusable(valid.error().to_string());
   if (j.layers.size() + 1 < chains::kImageLayers) return unusable("the film has too few layers");
   j.chains = cells.plan;
   j.bootstrap.samples = cells.plan.bootstrap_samples;
   if (j.named_state) j.named_state->bootstrap_b = cells.bootstrap_b;
-  v1::ChainStatus message;
-  if (!message.ParseFromString(cells.chain_status.text)) return unusable("their figures cannot be read");
   CANDELA_ASSIGN(j.chain_summary, wire::from_proto(message));
   return {};
 }

@@ -41,7 +41,7 @@ bool SqliteStore::apply(const PutJob& c) {
   v1::JobSettings settings;
   wire::to_proto(j.settings, settings);
   v1::ChainStatus status;
-  if (j.chains) wire::to_proto(j.chain_summary, status);
+  if (j.chains || !chains::by_mutation(j.chain_summary).empty()) wire::to_proto(j.chain_summary, status);
   v1::WorkPlan work;
   wire::to_proto(WorkPlan{{}, j.accumulators, {}, j.epochs, j.development}, work);
   const JobCells cells{

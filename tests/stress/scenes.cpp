@@ -113,7 +113,7 @@ void add_path_states(Sweep& sweep) {
   SettingsMap all{{"direct", "chain"}};
   for (const char* mutation : {"bidirectional", "lens", "caustic", "multichain", "manifold", "half_vector"})
     all[mutation] = "0.5";
-  sweep.claims.push_back({"mlt", all, 0});
+  for (const char* integrator : {"mlt", "erpt"}) sweep.claims.push_back({integrator, all, 0});
 }
 
 std::vector<Quantity> uniform_quantities(std::uint32_t width, std::uint32_t height,

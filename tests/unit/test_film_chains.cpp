@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "common/chains/chains.h"
+#include "common/chains/growth.h"
 #include "common/film/codec.h"
 #include "common/film/delta.h"
 #include "common/film/development.h"
@@ -379,6 +380,29 @@ TEST(Summaries, GroupChains) {
   EXPECT_TRUE(long_stay_text(s).empty());
   counts[7].longest_stay = kLongStay + 1;
   EXPECT_NE(long_stay_text(summarise({10, 30, 5}, counts)).find("pixel 7, 0"), std::string::npos);
+}
+
+// Claim: light that needs no chain, of which the pilot's scale knows, fits a film whose chains bring next to
+// nothing.
+TEST(FilmScale, IsWithinReachOfThePilots) {
+  EXPECT_EQ(film_scale_log2(1, 19), 19);
+  EXPECT_EQ(film_scale_log2(1e-3, 19), film::scale_log2_for(1e-3));
+  EXPECT_EQ(film_scale_log2(1e6, 19), film::scale_log2_for(1e6));
+  EXPECT_EQ(film_scale_log2(1e-38, 19), 35);
+  EXPECT_EQ(film_scale_log2(1e-44, 126), 126) << "all light is as faint";
+  EXPECT_EQ(film_scale_log2(0, 19), 19);
+}
+
+// Claim: b that grows beyond the bootstrap's error is told; a wide error, or a b that falls, is no news.
+TEST(Summaries, TellIfBGrows) {
+  const BootstrapSums sure{1000, 1100, 1000}, unsure{1000, 1e6, 1000}, dark{0, 0, 1000};
+  EXPECT_TRUE(grown_b_text(sure, {1.1, 0.1, 2000}).empty());
+  EXPECT_TRUE(grown_b_text(sure, {0.1, 0.01, 2000}).empty());
+  EXPECT_TRUE(grown_b_text(unsure, {3, 0.1, 2000}).empty());
+  EXPECT_TRUE(grown_b_text(dark, {3, 0.1, 2000}).empty());
+  EXPECT_NE(grown_b_text(sure, {9, 3, 2000}).find("from 1 +- 0.01 in the bootstrap to 9 +- 3"),
+            std::string::npos)
+      << grown_b_text(sure, {9, 3, 2000});
 }
 
 }  // namespace

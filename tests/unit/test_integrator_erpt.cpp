@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <limits>
+#include <vector>
 
+#include "common/chains/mutation_sums.h"
 #include "tests/unit/renderer_fixture.h"
 #include "worker/integrators/erpt/pilot.h"
 
@@ -117,6 +119,47 @@ TEST(Erpt, UnitsAndThreadsChangeNothing) {
   EXPECT_EQ(whole, sums(*renderer, {{kIterations, 0, 3, 4}, {kIterations, 0, 1, 3}}, 2));
   EXPECT_NE(whole, sums(*renderer, {{kIterations, 1, 1, 4}}));
   EXPECT_NE(whole, sums(*renderer, {{kIterations, 0, 4, 7}}));
+}
+
+// Counts of mutations of one unit, by mutation.
+std::vector<chains::MutationCounts> counts_of_unit(const render::Renderer& renderer, const Unit& unit,
+                                                   unsigned threads) {
+  const PilotResult pilot = pilot_of(renderer);
+  render::UnitOutput output = renderer.make_output(pilot.state);
+  const auto done = renderer.run(unit, {pilot.state, {}, {}}, output, {threads});
+  if (!done.ok()) throw std::runtime_error(done.error().to_string());
+  std::vector<chains::MutationCounts> out;
+  for (const auto& of_unit : output.accumulators) {
+    film::MergedAccumulator merged(kSize, kSize, of_unit->spec());
+    merged.set_pixel(0, 0,
+                     std::vector<film::Int128>(of_unit->sums(), of_unit->sums() + of_unit->spec().channels));
+    out.push_back(*chains::counts_of(merged));
+  }
+  return out;
+}
+
+// Claim: proposals, accepted ones, failures and rays of each mutation are counted, whatever the threads; a
+// path that no mutation suits stays as it is.
+TEST(Erpt, CountsMutations) {
+  const auto renderer = make(kRoom, {{"chain_length", "10"}, {"bidirectional", "1"}});
+  const auto counts = counts_of_unit(*renderer, {kIterations, 0, 0, 2}, 1);
+  EXPECT_EQ(counts, counts_of_unit(*renderer, {kIterations, 0, 0, 2}, 3));
+  ASSERT_EQ(counts.size(), 4u);
+  EXPECT_EQ(counts[0].name, "bidirectional");
+  EXPECT_EQ(counts[1].name, "lens");
+  std::uint64_t proposed = 0;
+  for (const chains::MutationCounts& one : counts) {
+    std::uint64_t failed = 0;
+    for (const std::uint64_t count : one.failed) failed += count;
+    EXPECT_LE(one.accepted + failed, one.proposed) << one.name;
+    EXPECT_GE(one.rays, one.accepted) << one.name;
+    proposed += one.proposed;
+  }
+  EXPECT_GT(counts[0].accepted, 0u);
+  EXPECT_GT(counts[1].accepted, 0u);
+  EXPECT_EQ(proposed % 10, 0u) << "bidirectional suits all paths";
+  const auto direct = make(kRoom, {{"max_depth", "2"}});
+  EXPECT_TRUE(counts_of_unit(*direct, {kIterations, 0, 0, 1}, 1).empty());
 }
 
 // Claim: the plan has the mutations with their shares, the energies, and what is left to path tracing.

@@ -167,7 +167,7 @@ TEST(Decisions, OtherBytesAreRefused) {
     std::vector<std::string> hostile = {"",
                                         "x",
                                         good + '\0',
-                                        good.substr(0, 3) + '2' + good.substr(4),
+                                        good.substr(0, 3) + static_cast<char>(good[3] + 1) + good.substr(4),
                                         std::string(Limits::max_decided_bytes, '\xff'),
                                         decider.integrator == "optimis" ? radius : trial};
     for (std::size_t size = 0; size < good.size(); ++size) hostile.push_back(good.substr(0, size));

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <vector>
 
 #include "worker/mcmc/image_importance.h"
@@ -10,6 +11,8 @@
 
 namespace candela::mcmc {
 namespace {
+
+constexpr std::uint64_t kSamples = 1600;  // of the first stage
 
 // Claim: cells are few, and each pixel of the film is in one.
 TEST(McmcImportance, CellsCoverTheFilm) {
@@ -43,27 +46,50 @@ TEST(McmcImportance, IsTheInverseOfTheLuminance) {
   const CoarseGrid grid(64, 4);  // 16 cells
   std::vector<double> luminances(16, 0.1);
   std::fill(luminances.begin() + 8, luminances.end(), 1.9);
-  const ImageImportance importance = importance_of(grid, luminances);
+  const ImageImportance importance = importance_of(grid, luminances, kSamples, 1);
   constexpr double kLevel = 0.03;  // half of a level, relative
   const double dark = 1 / std::sqrt(0.02), bright = 1 / std::sqrt(1.9 * 1.9 + 0.01);
-  EXPECT_NEAR(importance.at({2, 2}), dark, kLevel * dark);
-  EXPECT_NEAR(importance.at({-5, 9}), importance.at({2, 2}), 1e-12);
-  EXPECT_NEAR(importance.at({62, 2}), bright, kLevel * bright);
-  double before = importance.at({20, 2});
+  EXPECT_NEAR(importance.at({2, 2}, 0), dark, kLevel * dark);
+  EXPECT_NEAR(importance.at({-5, 9}, 0), importance.at({2, 2}, 0), 1e-12);
+  EXPECT_NEAR(importance.at({62, 2}, 0), bright, kLevel * bright);
+  double before = importance.at({20, 2}, 0);
   for (float x = 20; x < 44; x += 0.25f) {
-    const double here = importance.at({x, 1});
+    const double here = importance.at({x, 1}, 0);
     EXPECT_LE(here, before * (1 + 1e-12));
     EXPECT_GE(here, before / 1.5) << "a jump at " << x;
     before = here;
   }
-  EXPECT_TRUE(importance_of(grid, std::vector<double>(16, 0.0)).even());
-  EXPECT_EQ(ImageImportance().at({3, 3}), 1);
+  EXPECT_TRUE(importance_of(grid, std::vector<double>(16, 0.0), kSamples, 0).even());
+  EXPECT_EQ(ImageImportance().at({3, 3}, 0), 1);
   std::vector<double> lamp(16, 1e-9);
   lamp[3] = 1e9;
-  const ImageImportance steep = importance_of(grid, lamp);
+  const ImageImportance steep = importance_of(grid, lamp, kSamples, 1);
   for (const std::uint8_t level : steep.levels()) EXPECT_LE(level, ImageImportance::kMaxLevel);
-  EXPECT_NEAR(steep.at({60, 2}), 10, 0.3);
-  EXPECT_GE(steep.at({14, 2}), 1.0 / 66) << "a chain there must not overflow the film";
+  EXPECT_NEAR(steep.at({60, 2}, 0), 10, 0.3);
+  EXPECT_GE(steep.at({14, 2}, 0), 1.0 / 66) << "a chain there must not overflow the film";
+}
+
+// Claim: luminance times importance of one splat is at most a sixteenth of the sum over the first stage's
+// samples, so that light which it missed cannot outweigh the image; the importance stays above 1/1024.
+TEST(McmcImportance, LimitsBrightSplats) {
+  const CoarseGrid grid(64, 4);
+  std::vector<double> luminances(16, 0.0);
+  std::fill(luminances.begin() + 8, luminances.end(), 2.0);
+  constexpr double kMean = 3, kMost = kMean * kSamples / 16;
+  const ImageImportance importance = importance_of(grid, luminances, kSamples, kMean);
+  EXPECT_EQ(importance.max_scalar(), kMost);
+  const double dark = importance.at({2, 2}, 0);
+  EXPECT_NEAR(dark, 10, 0.3);
+  EXPECT_EQ(importance.at({2, 2}, 0.9 * kMost / dark), dark);
+  for (const double luminance : {1.1 * kMost / dark, kMost, 50 * kMost})
+    EXPECT_DOUBLE_EQ(luminance * importance.at({2, 2}, luminance), kMost);
+  EXPECT_EQ(importance.at({2, 2}, 1e30), 1.0 / 1024);
+  EXPECT_EQ(importance_of(grid, luminances, 10, kMean).max_scalar(), 32 * kMean) << "of few samples";
+  SplatList list(&importance);
+  list.add({2, 2}, Spectrum(static_cast<float>(2 * kMost)));
+  list.mollify(Spectrum(static_cast<float>(kMost)));
+  EXPECT_NEAR(list.scalar(), kMost, 1e-4 * kMost);
+  EXPECT_NEAR(list.mollified_scalar(), kMost / 2, 1e-4 * kMost) << "a part has the importance of the whole";
 }
 
 // Claim: the scalar contribution of a list is luminance times importance, the mollified part's, too.

@@ -13,7 +13,10 @@ namespace {
 constexpr double kFloor = 0.01;  // of the squared mean
 // A chain that stays at one place adds at most its inverse to the film for each state, in units of b0:
 // chains::film_scale_log2() leaves room for that.
-constexpr double kMinImportance = 1.0 / 64;
+constexpr double kMinImportance = 1.0 / 64, kMinOfSplat = 1.0 / 1024;
+// Of luminance times importance, as a share of the sum over the first stage's samples. Few samples have a
+// wide range of luminances: a splat as bright as the first stage believes (first_stage.cpp) is not limited.
+constexpr double kMaxShare = 1.0 / 16, kMinLimit = 32;
 constexpr double kLevelsPerOctave = 16, kLevelOfOne = 128;
 
 std::uint32_t divide_up(std::uint32_t a, std::uint32_t b) {
@@ -73,8 +76,9 @@ double CoarseGrid::pixels_of(std::uint32_t cell) const {
   return static_cast<double>(std::min(extent, width - x)) * std::min(extent, height - y);
 }
 
-ImageImportance::ImageImportance(const CoarseGrid& grid, std::vector<std::uint8_t> levels)
+ImageImportance::ImageImportance(const CoarseGrid& grid, std::vector<std::uint8_t> levels, double max_scalar)
     : levels_(std::move(levels)),
+      max_scalar_(max_scalar),
       per_pixel_(1.0 / grid.extent),
       last_column_(grid.columns - 1),
       last_row_(grid.rows - 1),
@@ -82,7 +86,7 @@ ImageImportance::ImageImportance(const CoarseGrid& grid, std::vector<std::uint8_
   for (const std::uint8_t level : levels_) values_.push_back(value_of(level));
 }
 
-double ImageImportance::at(transport::FilmPosition place) const {
+double ImageImportance::at(transport::FilmPosition place, double luminance) const {
   if (values_.empty()) return 1;
   const double x = std::clamp(static_cast<double>(place.x) * per_pixel_ - 0.5, 0.0, last_column_),
                y = std::clamp(static_cast<double>(place.y) * per_pixel_ - 0.5, 0.0, last_row_);
@@ -90,11 +94,14 @@ double ImageImportance::at(transport::FilmPosition place) const {
   const double u = x - static_cast<double>(column), v = y - static_cast<double>(row);
   const double* here = &values_[row * columns_ + column];
   const std::size_t right = u > 0 ? 1 : 0, below = v > 0 ? columns_ : 0;
-  return (here[0] * (1 - u) + here[right] * u) * (1 - v) +
-         (here[below] * (1 - u) + here[below + right] * u) * v;
+  const double of_place =
+      (here[0] * (1 - u) + here[right] * u) * (1 - v) + (here[below] * (1 - u) + here[below + right] * u) * v;
+  if (!(luminance * of_place > max_scalar_)) return of_place;
+  return std::max(max_scalar_ / luminance, kMinOfSplat);
 }
 
-ImageImportance importance_of(const CoarseGrid& grid, std::span<const double> luminances) {
+ImageImportance importance_of(const CoarseGrid& grid, std::span<const double> luminances,
+                              std::uint64_t samples, double sample_mean) {
   const std::vector<double> cells = smoothed(grid, luminances);
   double mean = 0;
   for (const double cell : cells) mean += cell / static_cast<double>(cells.size());
@@ -104,7 +111,8 @@ ImageImportance importance_of(const CoarseGrid& grid, std::span<const double> lu
     const double relative = cell / mean;
     levels.push_back(level_of(std::max(kMinImportance, 1 / std::sqrt(relative * relative + kFloor))));
   }
-  return {grid, std::move(levels)};
+  const double limit = std::max(kMinLimit, kMaxShare * static_cast<double>(samples));
+  return {grid, std::move(levels), limit * sample_mean};
 }
 
 }  // namespace candela::mcmc

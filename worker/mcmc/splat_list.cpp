@@ -27,7 +27,7 @@ transport::FilmPosition SplatList::brightest() const {
 
 void SplatList::sum_again() {
   scalar_ = 0;
-  for (const Splat& splat : splats_) scalar_ += weighted(splat.at, splat.value);
+  for (const Splat& splat : splats_) scalar_ += weighted(splat, splat.value);
 }
 
 }  // namespace candela::mcmc

@@ -1,5 +1,5 @@
 // Contributions of one state of a chain to the image: colors at places on the film. Its scalar contribution,
-// which the chain follows, is the sum of their luminances, each times the importance of its place.
+// which the chain follows, is the sum of their luminances, each times its importance.
 #pragma once
 
 #include <algorithm>
@@ -40,7 +40,7 @@ class SplatList {
   bool add(transport::FilmPosition at, Spectrum value) {
     if (value.is_black()) return false;
     splats_.push_back({at, value});
-    scalar_ += weighted(at, value);
+    scalar_ += weighted(splats_.back(), value);
     return true;
   }
   // The part of the splat that was added last that mollified paths have.
@@ -48,7 +48,7 @@ class SplatList {
     if (part.is_black()) return;
     mollified_.resize(splats_.size());
     mollified_.back() = part;
-    mollified_scalar_ += weighted(splats_.back().at, part);
+    mollified_scalar_ += weighted(splats_.back(), part);
   }
   // The labels of the splat that was added last: of one path; of an eye path's contributions, whose prefixes
   // are `sums` times `scale`.
@@ -85,9 +85,12 @@ class SplatList {
   void sum_again();
 
  private:
-  double weighted(transport::FilmPosition at, const Spectrum& value) const {
-    const auto light = static_cast<double>(luminance(value));
-    return importance_ == nullptr ? light : light * importance_->at(at);
+  // part: of the splat's value, or all of it.
+  double weighted(const Splat& splat, const Spectrum& part) const {
+    const auto light = static_cast<double>(luminance(part));
+    return importance_ == nullptr
+               ? light
+               : light * importance_->at(splat.at, static_cast<double>(luminance(splat.value)));
   }
 
   const ImageImportance* importance_ = nullptr;

@@ -265,8 +265,8 @@ async function jobPage(id) {
     chains.hidden = !j.chains;
     if (j.chains) {
       const c = j.chains;
-      prose(chainFacts, `${count(c.chains)} chains; bootstrap ${count(c.bootstrap_done)} of ${count(c.bootstrap_samples)} samples; ` + (c.b === null ? 'b is not known yet' : `b = ${small(c.b)} ± ${small(c.b_standard_error)}`));
-      groups.replaceChildren(...c.groups.map((g, i) => h('span', {}, h('b', {}, String(i)), ' ', g.mutations ? Math.round((100 * g.accepted) / g.mutations) + ' %' : '–', h('small', {}, 'stay ' + count(g.longest_stay)))));
+      prose(chainFacts, !c.chains ? 'Mutations of short chains' : `${count(c.chains)} chains; bootstrap ${count(c.bootstrap_done)} of ${count(c.bootstrap_samples)} samples; ` + (c.b === null ? 'b is not known yet' : `b = ${small(c.b)} ± ${small(c.b_standard_error)}`));
+      groups.replaceChildren(...(c.chains ? c.groups : []).map((g, i) => h('span', {}, h('b', {}, String(i)), ' ', g.mutations ? Math.round((100 * g.accepted) / g.mutations) + ' %' : '–', h('small', {}, 'stay ' + count(g.longest_stay)))));
       mutationFacts.replaceChildren(...Object.entries(c.by_mutation ?? {}).filter(([, m]) => m.proposed).map(([name, m]) => {
         const share = (n) => Math.round((100 * n) / m.proposed) + ' %';
         const failed = Object.entries(m.failed).filter(([, n]) => n).map(([cause, n]) => `${cause.replaceAll('_', ' ')} ${share(n)}`);

@@ -14,7 +14,7 @@ namespace candela::integrators {
 namespace {
 
 constexpr std::uint64_t kBootstrapChunk = 256;
-constexpr std::string_view kDecision = "mcm1";  // the importance of the film
+constexpr std::string_view kDecision = "mcm2";  // the importance of the film
 // The first stage has a quarter of the bootstrap's number of samples.
 constexpr std::uint64_t kFirstStageShare = 4;
 

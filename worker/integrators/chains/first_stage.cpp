@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -65,7 +66,7 @@ Result<mcmc::ImageImportance> first_stage(const UnitContext& context, const esti
   for (const auto& splats : found)
     for (const CellSplat& splat : splats) cells[splat.cell] += std::min(splat.luminance, kMaxSplat * mean);
   for (std::uint32_t i = 0; i < grid.cells(); ++i) cells[i] /= grid.pixels_of(i);
-  mcmc::ImageImportance importance = mcmc::importance_of(grid, cells);
+  mcmc::ImageImportance importance = mcmc::importance_of(grid, cells, samples, mean);
   if (importance.even())
     plan.skip("two stages", fmt::format("two_stage: no light in {} samples of the first stage", samples));
   else
@@ -78,6 +79,7 @@ Result<mcmc::ImageImportance> first_stage(const UnitContext& context, const esti
 
 void write(const mcmc::ImageImportance& importance, DecisionWriter& out) {
   const auto levels = importance.levels();
+  if (!levels.empty()) out.real(importance.max_scalar());
   for (std::size_t i = 0; i < levels.size(); i += kLevelsPerWord) {
     std::uint64_t word = 0;
     for (std::size_t j = i; j < std::min(i + kLevelsPerWord, levels.size()); ++j)
@@ -89,6 +91,7 @@ void write(const mcmc::ImageImportance& importance, DecisionWriter& out) {
 mcmc::ImageImportance read_importance(std::uint32_t width, std::uint32_t height, DecisionReader& in) {
   if (!in.more()) return {};
   const mcmc::CoarseGrid grid(width, height);
+  const double max_scalar = in.real(0, std::numeric_limits<double>::infinity());
   std::vector<std::uint8_t> levels(grid.cells());
   std::uint64_t word = 0;
   for (std::size_t i = 0; i < levels.size(); ++i) {
@@ -96,7 +99,7 @@ mcmc::ImageImportance read_importance(std::uint32_t width, std::uint32_t height,
     levels[i] = std::min(static_cast<std::uint8_t>(word & 0xff), mcmc::ImageImportance::kMaxLevel);
     word >>= 8;
   }
-  return {grid, std::move(levels)};
+  return {grid, std::move(levels), max_scalar};
 }
 
 }  // namespace candela::integrators::chain_jobs

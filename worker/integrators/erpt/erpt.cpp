@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "common/chains/mutation_sums.h"
 #include "worker/estimators/film_domain.h"
 #include "worker/estimators/path_dispatch.h"
 #include "worker/integrators/chains/first_stage.h"
@@ -27,7 +28,7 @@ namespace {
 constexpr std::uint32_t kLongest = 1000;
 constexpr std::uint64_t kSeedChunk = 64;                 // of one task
 constexpr std::uint64_t kSeeds = 0x6572707473656564ULL;  // "erptseed"
-enum Purpose : std::uint64_t { sample, rounding, chains };
+enum Purpose : std::uint64_t { sample, rounding, mutations };
 constexpr std::uint32_t kMollifiedAt = 1;  // the layer of the film
 
 class ErptIntegrator final : public IterationIntegrator {
@@ -70,8 +71,11 @@ class ErptIntegrator final : public IterationIntegrator {
   }
 
   WorkPlan work(FilmSize /*size*/, const NamedState& /*state*/) const override {
-    if (!regularization_.layer()) return {};
-    return {.layers = {kMollifiedLayer}};
+    WorkPlan plan;
+    if (regularization_.layer()) plan.layers = {kMollifiedLayer};
+    for (const mcmc::MutatorShare& share : shares_)
+      if (has_chains()) plan.accumulators.push_back(chains::mutation_spec(share.entry->name));
+    return plan;
   }
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
@@ -80,7 +84,7 @@ class ErptIntegrator final : public IterationIntegrator {
     if (has_chains()) {
       CANDELA_ASSIGN(const erpt::Decided decided,
                      erpt::decided_of(input.state.decided, context.width, context.height));
-      CANDELA_TRY(run_seeds(context, unit, decided, film, run));
+      CANDELA_TRY(run_seeds(context, unit, decided, output, run));
     }
     return run_direct(context, unit, film, run);
   }
@@ -100,7 +104,8 @@ class ErptIntegrator final : public IterationIntegrator {
   }
 
   Result<void> run_seeds(const UnitContext& context, const Unit& unit, const erpt::Decided& decided,
-                         film::UnitFilm& film, const RunContext& run) const {
+                         UnitOutput& output, const RunContext& run) const {
+    film::UnitFilm& film = *output.film;
     const erpt::Energies& energies = decided.energies;
     const double pixels = static_cast<double>(context.width) * context.height;
     const auto seeds = static_cast<std::uint64_t>(std::ceil(settings_.seeds * pixels));
@@ -129,10 +134,13 @@ class ErptIntegrator final : public IterationIntegrator {
             const auto key = [&](Purpose purpose) {
               return rng::key(context.seed, kSeeds, unit.half, index, j, purpose);
             };
-            if (!mcmc::redistribute(*space, {key(sample), key(rounding), key(chains)}, rules, outlets,
+            if (!mcmc::redistribute(*space, {key(sample), key(rounding), key(mutations)}, rules, outlets,
                                     deposit, counts))
               return;
           }
+          const std::vector<chains::MutationCounts> by_mutation = space->take_counts();
+          for (std::size_t i = 0; i < by_mutation.size(); ++i)
+            chains::add_counts(by_mutation[i], task, *output.accumulators[i], sample_counts);
         });
   }
 

@@ -17,7 +17,7 @@
 namespace candela::integrators::erpt {
 namespace {
 
-constexpr std::string_view kKind = "erp1";
+constexpr std::string_view kKind = "erp2";
 constexpr std::uint64_t kPilot = 0x6572707470696cULL;  // "erptpil"
 constexpr std::uint64_t kChunk = 256;
 constexpr std::uint64_t kMaxLength = 1 << 20;
