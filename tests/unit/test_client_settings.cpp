@@ -155,6 +155,8 @@ TEST(Settings, EditsAreReadAndChecked) {
   EXPECT_EQ(edits(path), text);
   std::ofstream(path) << "{";
   EXPECT_TRUE(edits(path).starts_with(path)) << edits(path);
+  std::ofstream(path).close();
+  EXPECT_EQ(edits(path), path + R"(: the file is empty (write {"edits": [ {...} ]}))");
   EXPECT_NE(edits((folder.path() / "none.json").string()).find("none.json"), std::string::npos);
   EXPECT_TRUE(edits(R"({"edits": [{}]})").starts_with("--edits: edits[0].name"))
       << edits(R"({"edits": [{}]})");

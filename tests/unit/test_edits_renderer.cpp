@@ -324,8 +324,9 @@ TEST(EditRenderers, SurviveRandomEdits) {
     std::string list;
     for (std::uint32_t n = 1 + stream.next_u32() % 3, k = 0; k < n; ++k) {
       const bool light = stream.next_u32() % 2 == 0;
-      const std::string token = any({"X", "S", "D", "G", "[DG]", "SR", "ST", "X{ball}", "X{walls}",
-                                     "S{other}", "X@r ", "V", "V{fog}", "V@r ", "[XV]", "DX"});
+      std::string token = any({"X", "S", "D", "G", "[DG]", "SR", "ST", "X{ball}", "X{walls}", "S{other}",
+                               "X@r ", "V", "V{fog}", "V@r ", "[XV]", "DX"});
+      if (!foggy && token.starts_with('V') && stream.next_u32() % 4 != 0) token = "D";
       // Selections by the path.
       const std::string between = any({"", "", "", "X", "S", "X{walls}", "X{ball}X", "X@s ", "XX*S"});
       list += std::string(k > 0 ? "," : "") + R"({"name": "n)" + std::to_string(k) + R"(", "direction": ")" +
@@ -399,7 +400,7 @@ TEST(EditRenderers, SurviveRandomEdits) {
   }
   for (const int count : {by_path, lamps, media, layered}) EXPECT_GT(count, long_form ? 50 : 3);
   for (const int count : {hits, chains}) EXPECT_GT(count, long_form ? 20 : 0);
-  EXPECT_GT(rendered, long_form ? 500 : 15);
+  EXPECT_GT(rendered, long_form ? 400 : 15);
   EXPECT_GT(refused, long_form ? 100 : 5);
 }
 
