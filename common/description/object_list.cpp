@@ -224,6 +224,9 @@ Result<void> check_layers(const letters::LayerRequest& request, const Object& sc
   if (request.empty()) return {};
   const LetterObjects objects = letter_objects(scene);
   const letters::LayerRequest expanded = letters::expand_light_groups(request, objects.lamp_names);
+  if (expanded.empty() && expanded != letters::LayerRequest{})
+    return input_error("light groups make no layer: the scene has no lamp")
+        .with_mend("leave them out, or add a lamp to the scene");
   const auto compiled = letters::Automaton::compile(expanded, objects.names, objects.uses);
   if (!compiled.ok()) return compiled.error();
   return {};

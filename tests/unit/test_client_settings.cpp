@@ -217,6 +217,8 @@ TEST(Settings, LayersOfSceneAndCommandLine) {
           "--layer: the layers are no partition");
   refused([](SceneOptions& o) { o.regions = {"r=box:1"}; }, "--region: 'r=box:1' is no region");
   refused([](SceneOptions& o) { o.glossy_below = "x"; }, "--glossy-below: 'x' is no roughness");
+  refused([](SceneOptions& o) { o.light_groups = o.partition = true; },
+          "--layer: light groups make no layer: the scene has no lamp");
   refused([](SceneOptions& o) { o.partition = true; },
           "regions, glossy-below and partition belong to layers");
 }
