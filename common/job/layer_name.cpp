@@ -25,7 +25,6 @@ std::string fault_of_layer_name(std::string_view name) {
     return "a part between its dots is empty";
   if (name == kErrorLayer) return "the error estimate has that name";
   if (name == kVarianceLayer) return "the estimate of the variance has that name";
-  if (name == "denoised") return "the denoised image has that name";
   return {};
 }
 

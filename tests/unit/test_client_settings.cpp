@@ -211,6 +211,8 @@ TEST(Settings, LayersOfSceneAndCommandLine) {
   refused([](SceneOptions& o) { o.layers = {"a=L(E"}; },
           "--layer: layer 'a', column 2: this '(' is not closed");
   refused([](SceneOptions& o) { o.layers = {"a"}; }, "--layer: 'a' is no layer");
+  refused([](SceneOptions& o) { o.layers = {"denoised=LE"}; },
+          "--layer: a layer cannot be called 'denoised': the denoised image has that name");
   refused([](SceneOptions& o) { o.layers = {"a=LX{nobody}E"}; },
           "--layer: layer 'a', column 2: no object is called 'nobody'");
   refused([](SceneOptions& o) { o.layers = {"a=LDE"}, o.partition = true; },

@@ -101,7 +101,6 @@ TEST(LettersRequest, Refusals) {
            {"layer a", "'a' is no layer (write NAME=EXPR: caustics=LS+DE)"},
            {"layer 1=LE", "a layer cannot be called '1': it does not begin with a letter"},
            {"layer error=LE", "a layer cannot be called 'error': the error estimate has that name"},
-           {"layer denoised=LE", "a layer cannot be called 'denoised': the denoised image has that name"},
            {"layer a=LE; layer a=LDE", "two layers are called 'a' (name them apart)"},
            {"layer a=L(E", "layer 'a', column 2: this '(' is not closed (write ')')"},
            {"layer a=LX@bx E; region box=box:0,0,0,1,1,1",
