@@ -340,6 +340,10 @@ Result<edits::EditList> read_edits(const SceneOptions& options) {
     auto bytes = read_file(*options.edits, edits::kMaxEditsBytes);
     if (!bytes.ok()) return std::move(bytes).error().with_field("--edits");
     text = *std::move(bytes);
+    if (text.empty())
+      return input_error("the file is empty")
+          .at(*options.edits, 0)
+          .with_mend(R"(write {"edits": [ {...} ]})");
   }
   auto list = edits::parse_edits(text);
   if (list.ok()) return list;

@@ -1,5 +1,7 @@
 #include "common/description/object_list.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -8,6 +10,7 @@
 
 #include "common/description/object_names.h"
 #include "common/edits/selection.h"
+#include "common/image/denoise.h"
 #include "common/letters/automaton.h"
 
 namespace candela::description {
@@ -222,8 +225,16 @@ LetterObjects letter_objects(const Object& scene) {
 Result<void> check_layers(const letters::LayerRequest& request, const Object& scene) {
   CANDELA_TRY(letters::check(request));
   if (request.empty()) return {};
+  // Films of older jobs may have such a layer; `convert --denoise` adds one, and a mix leaves it out.
+  for (const letters::NamedExpression& layer : request.layers)
+    if (layer.name == image::kDenoisedLayer)
+      return input_error(
+          fmt::format("a layer cannot be called '{}': the denoised image has that name", layer.name));
   const LetterObjects objects = letter_objects(scene);
   const letters::LayerRequest expanded = letters::expand_light_groups(request, objects.lamp_names);
+  if (expanded.empty() && expanded != letters::LayerRequest{})
+    return input_error("light groups make no layer: the scene has no lamp")
+        .with_mend("leave them out, or add a lamp to the scene");
   const auto compiled = letters::Automaton::compile(expanded, objects.names, objects.uses);
   if (!compiled.ok()) return compiled.error();
   return {};

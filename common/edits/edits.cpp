@@ -23,6 +23,8 @@ using Json = nlohmann::ordered_json;
 
 constexpr int kMaxNesting = 8;
 constexpr double kMaxNumber = 1e12;  // coordinates and entries of matrices
+constexpr std::string_view kNameARegion =
+    R"(name it: "regions": {"NAME": {"box": [x0, y0, z0, x1, y1, z1]}})";
 
 Error error_at(const std::string& key, std::string message) {
   return input_error(std::move(message)).with_field(key);
@@ -213,17 +215,26 @@ Result<Edit> read_edit(const Json& json, const std::string& key, const EditList&
         .with_mend("light turns what leaves the vertex, eye where it gathers from");
   edit.direction = direction == "light" ? Edit::Direction::light : Edit::Direction::eye;
   CANDELA_ASSIGN(edit.select, reader.text("select"));
-  if (const auto tree = letters::parse_expression(edit.select); !tree.ok()) {
+  const auto tree = letters::parse_expression(edit.select);
+  if (!tree.ok()) {
     Error error = tree.error();
     return std::move(error).with_field(reader.key("select"));
   }
+  const letters::Token* unknown = nullptr;
+  letters::for_each_token(*tree, [&](const letters::Token& token) {
+    if (unknown == nullptr && !token.region.empty() && list.region(token.region) == nullptr) unknown = &token;
+  });
+  if (unknown != nullptr)
+    return error_at(reader.key("select"),
+                    fmt::format("column {}: there is no region {}", unknown->column, quote(unknown->region)))
+        .with_mend(std::string(kNameARegion));
   const letters::Region* source = nullptr;
   if (reader.has("source")) {
     CANDELA_ASSIGN(edit.source, reader.text("source"));
     source = list.region(edit.source);
     if (source == nullptr)
       return error_at(reader.key("source"), fmt::format("there is no region {}", quote(edit.source)))
-          .with_mend(R"(name it: "regions": {"NAME": {"box": [x0, y0, z0, x1, y1, z1]}})");
+          .with_mend(std::string(kNameARegion));
   }
   if (reader.has("hit")) {
     if (!reader.at("hit").is_boolean()) return error_at(reader.key("hit"), "it is neither true nor false");
@@ -240,17 +251,22 @@ Result<Edit> read_edit(const Json& json, const std::string& key, const EditList&
   if (reader.has("move")) {
     CANDELA_ASSIGN(edit.move, read_move(reader.at("move"), reader.key("move"), source));
   }
+  const auto out_of_range = [&](std::string_view name, double factor) {
+    return error_at(reader.key(name), fmt::format("a factor is {}, not within 0 and {}", factor, kMaxFactor));
+  };
   if (reader.has("tint")) {
     CANDELA_ASSIGN(edit.factor, reader.numbers<3>("tint", kMaxFactor));
+    for (const double factor : edit.factor)
+      if (factor < 0) return out_of_range("tint", factor);
   }
   if (reader.has("scale")) {
     CANDELA_ASSIGN(const double scale, reader.number("scale", kMaxFactor));
-    for (double& factor : edit.factor) factor *= scale;
+    if (scale < 0) return out_of_range("scale", scale);
+    for (double& factor : edit.factor) {
+      factor *= scale;
+      if (factor > kMaxFactor) return out_of_range(reader.has("tint") ? "tint" : "scale", factor);
+    }
   }
-  for (const double factor : edit.factor)
-    if (!(factor >= 0) || factor > kMaxFactor)
-      return error_at(reader.key(reader.has("tint") ? "tint" : "scale"),
-                      fmt::format("a factor is {}, not within 0 and {}", factor, kMaxFactor));
   return edit;
 }
 

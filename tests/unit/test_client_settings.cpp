@@ -155,6 +155,8 @@ TEST(Settings, EditsAreReadAndChecked) {
   EXPECT_EQ(edits(path), text);
   std::ofstream(path) << "{";
   EXPECT_TRUE(edits(path).starts_with(path)) << edits(path);
+  std::ofstream(path).close();
+  EXPECT_EQ(edits(path), path + R"(: the file is empty (write {"edits": [ {...} ]}))");
   EXPECT_NE(edits((folder.path() / "none.json").string()).find("none.json"), std::string::npos);
   EXPECT_TRUE(edits(R"({"edits": [{}]})").starts_with("--edits: edits[0].name"))
       << edits(R"({"edits": [{}]})");
@@ -209,12 +211,16 @@ TEST(Settings, LayersOfSceneAndCommandLine) {
   refused([](SceneOptions& o) { o.layers = {"a=L(E"}; },
           "--layer: layer 'a', column 2: this '(' is not closed");
   refused([](SceneOptions& o) { o.layers = {"a"}; }, "--layer: 'a' is no layer");
+  refused([](SceneOptions& o) { o.layers = {"denoised=LE"}; },
+          "--layer: a layer cannot be called 'denoised': the denoised image has that name");
   refused([](SceneOptions& o) { o.layers = {"a=LX{nobody}E"}; },
           "--layer: layer 'a', column 2: no object is called 'nobody'");
   refused([](SceneOptions& o) { o.layers = {"a=LDE"}, o.partition = true; },
           "--layer: the layers are no partition");
   refused([](SceneOptions& o) { o.regions = {"r=box:1"}; }, "--region: 'r=box:1' is no region");
   refused([](SceneOptions& o) { o.glossy_below = "x"; }, "--glossy-below: 'x' is no roughness");
+  refused([](SceneOptions& o) { o.light_groups = o.partition = true; },
+          "--layer: light groups make no layer: the scene has no lamp");
   refused([](SceneOptions& o) { o.partition = true; },
           "regions, glossy-below and partition belong to layers");
 }

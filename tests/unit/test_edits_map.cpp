@@ -134,6 +134,11 @@ TEST(DirectionMaps, AreSingularInTheirPlanes) {
   EXPECT_FALSE(at.set(map, {0, 0, 0}));
   EXPECT_FALSE(at.set(map, {5, 1, 1e-3}));
   EXPECT_TRUE(at.set(map, {0, 0, 1}));
+  edit.move->to[2] = 5;  // the image's plane is another one
+  const DirectionMap raised = direction_map(edit);
+  EXPECT_FALSE(at.set(raised, {1, 1, 1e-4}));
+  EXPECT_FALSE(at.set(raised, {1, 1, 5}));
+  EXPECT_TRUE(at.set(raised, {1, 1, 1}));
   edit.move->normal.reset();
   const DirectionMap facing = direction_map(edit);
   EXPECT_FALSE(at.set(facing, {2, 0, 0}));

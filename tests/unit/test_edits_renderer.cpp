@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <ctime>
 #include <fstream>
 #include <sstream>
 #include <string_view>
@@ -270,7 +271,7 @@ TEST(EditRenderers, HaveTheExamples) {
                                      {"studio", "edits/reflection.json"},
                                      {"studio", "edits/bounce.json"},
                                      {"studio", "edits/turned.json"},
-                                     {"studio", "edits/bleeding.json"},
+                                     {"cornell", "edits.json"},
                                      {"window", "edits.json"}}) {
     const auto folder = test::source_path("deploy/scenes") / scene;
     const auto text_of = [](const std::filesystem::path& path) {
@@ -293,7 +294,8 @@ TEST(EditRenderers, HaveTheExamples) {
   }
 }
 
-// Claim: random edits are refused with a message, or rendered without a sample that is not finite.
+// Claim: random edits, of surfaces, lamps and media, from both ends, by first surfaces, with layers and
+// without, are refused with a message, or rendered without a sample that is not finite and without a stall.
 TEST(EditRenderers, SurviveRandomEdits) {
   rng::Stream stream(rng::key(77));
   const auto number = [&](double low, double high) {
@@ -312,16 +314,19 @@ TEST(EditRenderers, SurviveRandomEdits) {
       <shape type="rectangle" id="panel"><transform name="to_world"><scale value="0.5"/><translate z="-3"/></transform>
         <emitter type="area"/></shape>
       <emitter type="spot" id="spot"/>)";
-  const test::TextFiles clear = files_of(kBox), foggy = files_of(kBox + fog);
+  const test::TextFiles clear = files_of(kBox), with_fog = files_of(kBox + fog);
   const char* const asked = std::getenv("CANDELA_LONG");
   const bool long_form = asked != nullptr && std::string_view(asked) != "0";
-  int rendered = 0, refused = 0, by_path = 0, lamps = 0, media = 0, hits = 0;
-  for (int i = 0; i < (long_form ? 1000 : 60); ++i) {
+  int rendered = 0, refused = 0, by_path = 0, lamps = 0, media = 0, hits = 0, layered = 0, chains = 0;
+  for (int i = 0; i < (long_form ? 1000 : 44); ++i) {
+    const std::clock_t begin = std::clock();
+    const bool foggy = stream.next_u32() % 2 == 0;
     std::string list;
     for (std::uint32_t n = 1 + stream.next_u32() % 3, k = 0; k < n; ++k) {
       const bool light = stream.next_u32() % 2 == 0;
-      const std::string token = any({"X", "S", "D", "G", "[DG]", "SR", "ST", "X{ball}", "X{walls}",
-                                     "S{other}", "X@r ", "V", "V{fog}", "V@r ", "[XV]", "DX"});
+      std::string token = any({"X", "S", "D", "G", "[DG]", "SR", "ST", "X{ball}", "X{walls}", "S{other}",
+                               "X@r ", "V", "V{fog}", "V@r ", "[XV]", "DX"});
+      if (!foggy && token.starts_with('V') && stream.next_u32() % 4 != 0) token = "D";
       // Selections by the path.
       const std::string between = any({"", "", "", "X", "S", "X{walls}", "X{ball}X", "X@s ", "XX*S"});
       list += std::string(k > 0 ? "," : "") + R"({"name": "n)" + std::to_string(k) + R"(", "direction": ")" +
@@ -334,7 +339,7 @@ TEST(EditRenderers, SurviveRandomEdits) {
       }
       if (stream.next_u32() % 2 == 0) {
         list += R"(, "source": ")" + any({"r", "s"}) + '"';
-        if (stream.next_u32() % 4 == 0) list += R"(, "hit": true)";
+        if (stream.next_u32() % (foggy ? 8 : 2) == 0) list += R"(, "hit": true)";
       }
       switch (stream.next_u32() % 4) {
         case 0:
@@ -348,27 +353,44 @@ TEST(EditRenderers, SurviveRandomEdits) {
                   point(1) + R"(, "stretch": )" + point(stream.next_u32() % 4 == 0 ? 1000 : 2) + '}';
           break;
         default:
-          list += R"(, "scale": )" + number(-0.1, 2);
+          list += R"(, "scale": )" + number(-0.1, 2) + R"(, "tint": [1, 0, )" + number(0, 3) + ']';
       }
       list += '}';
     }
     const std::string text = R"({"regions": {"r": {"sphere": [0, -3, 0, )" + number(0.01, 4) +
                              R"(]}, "s": {"box": [-4, -4, -4, 0, 0, )" + number(-3, 4) +
                              R"(]}}, "edits": [)" + list + "]}";
-    const std::string integrator = any({"path", "light", "path", "light", "bdpt", "vcm", "bpm", "ppm"});
-    const test::TextFiles& files = stream.next_u32() % 2 == 0 ? clear : foggy;
+    const std::string integrator =
+        any({"path", "light", "path", "light", "bdpt", "vcm", "bpm", "ppm", "pssmlt", "mmlt"});
+    const test::TextFiles& files = foggy ? with_fog : clear;
+    JobSettings job = job_of(integrator, text);
+    job.width = job.height = 5;
+    const std::uint32_t layers = stream.next_u32() % 4;
+    if (layers == 0) job.layers = "light-groups";
+    if (layers == 1) job.layers = "layer a=L[DGSV]*D[SG]+E; layer b=L[DGSV]*X{ball}[DGSV]*E";
     std::unique_ptr<Renderer> renderer;
     try {
-      renderer = test::make_renderer(files, job_of(integrator, text), {{"max_depth", "6"}});
+      renderer = test::make_renderer(files, job, {{"max_depth", "6"}});
     } catch (const std::runtime_error& error) {
       EXPECT_GT(std::string(error.what()).size(), 10u);
       ++refused;
       continue;
     }
-    const auto film = test::render_film(*renderer, 1);
-    const film::SampleCounts sample_counts = film->sample_counts();
+    film::SampleCounts sample_counts;
+    if (integrator.ends_with("mlt")) {
+      const NamedState state = test::state_at(*renderer, test::kFilmScaleLog2);
+      UnitOutput bootstrap;
+      ASSERT_TRUE(renderer->run({Unit::Kind::bootstrap, 0, 0, 64}, {state, {}, {}}, bootstrap, {1}).ok());
+      for (const float value : bootstrap.table) EXPECT_TRUE(std::isfinite(value)) << integrator << text;
+      sample_counts = bootstrap.counts;
+      ++chains;
+    } else {
+      sample_counts = test::render_film(*renderer, 1)->sample_counts();
+    }
     for (const std::uint64_t count : sample_counts.rejected) EXPECT_EQ(count, 0u) << integrator << text;
+    EXPECT_LT(std::clock() - begin, 20 * CLOCKS_PER_SEC) << integrator << text;
     ++rendered;
+    layered += job.layers.empty() ? 0 : 1;
     const std::string plan = *renderer->plan_text();
     for (const auto& [words, count] : {std::pair("by the path", &by_path),
                                        {" lamps", &lamps},
@@ -376,12 +398,10 @@ TEST(EditRenderers, SurviveRandomEdits) {
                                        {"first surfaces", &hits}})
       *count += plan.find(words) != std::string::npos ? 1 : 0;
   }
-  EXPECT_GT(rendered, 15);
-  EXPECT_GT(by_path, 3);
-  EXPECT_GT(lamps, 3);
-  EXPECT_GT(media, 3);
-  EXPECT_GT(hits, 1);
-  EXPECT_GT(refused, 5);
+  for (const int count : {by_path, lamps, media, layered}) EXPECT_GT(count, long_form ? 50 : 1);
+  for (const int count : {hits, chains}) EXPECT_GT(count, long_form ? 20 : 0);
+  EXPECT_GT(rendered, long_form ? 400 : 15);
+  EXPECT_GT(refused, long_form ? 100 : 5);
 }
 
 }  // namespace
