@@ -1,4 +1,4 @@
-// Maps of `candela inspect sphere` made by jobs on a farm.
+// Jobs of `candela inspect` on a farm.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -60,9 +60,9 @@ TEST_P(InspectOnFarm, IsTheSameOfAnyWorkers) {
     const std::size_t at = said.find("candela: job ");
     return at == std::string::npos ? std::string() : said.substr(at + 13, said.find('\n', at) - at - 13);
   };
-  ASSERT_TRUE(eventually(kPatienceSeconds, [&] {
-    return !job().empty() && farm.job(job()).iterations() > 0;
-  })) << three->err();
+  eventually(kPatienceSeconds,
+             [&] { return !three->running() || (!job().empty() && farm.job(job()).iterations() > 0); });
+  ASSERT_FALSE(job().empty()) << three->err();
   farm.kill_master();
   victim.kill();
   farm.restart_master();
@@ -111,8 +111,57 @@ INSTANTIATE_TEST_SUITE_P(
                          ".vol",
                          {"mean", "crossing"},
                          0.1,
+                         false},
+                    Tool{"paths",
+                         {"paths",    scene_path("cornell"),
+                          "--size",   "48x32",
+                          "--crop",   "8,0,32,32",
+                          "--pixels", "0,0,31,31",
+                          "--spp",    "60",
+                          "--set",    "max_depth=4",
+                          "--by",     "object",
+                          "--select", "LX+E",
+                          "--region", "box:-1,-1,-1,0.5,2,1",
+                          "--edits",  kEdit},
+                         ".json",
+                         {"mean"},
+                         0.1,
                          false}),
     [](const auto& one) { return one.param.name; });
+
+// Claim: if this machine's own samples find no light, the job still runs, and the report has its sums.
+TEST(PathsOnFarm, RunIfNoneIsFoundHere) {
+  Farm farm;
+  farm.start_master_here();
+  farm.start_worker_here("worker");
+  for (const char* select : {"", "LD+E"}) {
+    std::vector<std::string> words = {"inspect",
+                                      "paths",
+                                      scene_path("cornell"),
+                                      "--master",
+                                      farm.address(),
+                                      "--size",
+                                      "16x16",
+                                      "--spp",
+                                      "40",
+                                      "--quiet",
+                                      "--json",
+                                      "--region",
+                                      "sphere:40,40,40,0.5"};
+    if (*select != '\0') words.insert(words.end(), {"--select", select});
+    const CommandResult result = farm.candela(words);
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const std::string prefix = "candela: job ";
+    ASSERT_TRUE(result.err.starts_with(prefix)) << result.err;
+    const std::string id = result.err.substr(prefix.size(), result.err.find('\n') - prefix.size());
+    EXPECT_EQ(farm.job(id).iterations(), 40u);
+    const auto report = nlohmann::json::parse(result.out);
+    EXPECT_EQ(report.at("spp"), 40);
+    EXPECT_EQ(report.at("luminance"), 0);
+    EXPECT_TRUE(report.at("clusters").empty());
+    EXPECT_TRUE(report.at("other").at("share").is_null());
+  }
+}
 
 }  // namespace
 }  // namespace candela::farm

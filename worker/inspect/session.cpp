@@ -40,6 +40,11 @@ Session::Session(JobSettings settings, film::PixelFilter filter, std::unique_ptr
   std::map<std::string, std::uint32_t> first;
   for (std::uint32_t i = 0; i < scene_->objects().names.size(); ++i)
     object_of_name_.push_back(first.emplace(object_name(i), i).first->second);
+  std::map<std::string, std::uint32_t> bearers;
+  for (const letters::ObjectNames& names : scene_->objects().names)
+    for (const std::string& name : names) ++bearers[name];
+  for (std::uint32_t i = 0; i < scene_->objects().names.size(); ++i)
+    objects_of_name_.push_back(object_name(i).empty() ? letters::kNoObject : bearers[object_name(i)]);
 }
 
 Result<std::unique_ptr<Session>> Session::open(const description::FileSource& files,

@@ -355,8 +355,7 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   CANDELA_ASSIGN(std::vector<Aov> aov_list, parse_aovs(settings.aovs));
   const bool mattes =
       std::any_of(aov_list.begin(), aov_list.end(), [](const Aov& aov) { return is_matte(aov.kind); });
-  options.named =
-      mattes || !settings.layers.empty() || settings.integrator == tools::kVolume;  // recorded paths
+  options.named = mattes || !settings.layers.empty() || tools::records_paths(settings.integrator);
   work_phase(WorkPhase::building);
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, unpacked, options));
   CANDELA_TRY(check_path_edits(*scene, settings));
