@@ -166,7 +166,7 @@ void print_report(std::ostream& out, const PathsReport& report, const PathsReque
     out << fmt::format("{:>7} {:>6}  {:<{}}  {}\n", percent(group.share.value), percent(group.share.error, 2),
                        printable(group.expression), width,
                        group.key_paths.empty() ? "" : object_text(group.key_paths.front(), session));
-  if (report.other_count > 0 || (!report.counted && std::abs(report.other.value) > 1e-6))
+  if (report.other_count > 0 || std::abs(report.other.value) > 1e-6)
     out << fmt::format("{:>7} {:>6}  {}\n", percent(report.other.value), percent(report.other.error, 2),
                        "(other)");
 }

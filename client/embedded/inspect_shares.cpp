@@ -111,6 +111,7 @@ Result<int> shares_on_farm(Context& context, const FarmOptions& farm, SharesJob 
   const Sums all = sums_of(whole, iterations);
   report.spp = request.spp;
   report.counted = false;
+  report.other_count = 0;
   report.not_finite = made.rejected;
   report.mean = all.color * (1 / samples);
   std::vector<double> samples_in(all.batches.size());

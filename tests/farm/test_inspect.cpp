@@ -13,15 +13,15 @@ namespace candela::farm {
 namespace {
 
 const std::string kEdit =
-    R"({"edits": [{"name": "a", "direction": "light", "select": "LX*X", "tint": [1, 0.5, 0.25]}]})";
+    R"({"edits": [{"name": "a", "direction": "light", "select": "LX*X{left}X", "tint": [1, 0.5, 0.25]}]})";
 
 struct Tool {
   std::string name;
   std::vector<std::string> words;
   std::string ending;                  // of the file
   std::vector<std::string> estimates;  // members of the report that are not those of other samples to the bit
-  double relative;                     // error that they may have; coarse maps have one of their pixels
-  bool samples_are_pixels = true;      // of the film, which the audit counts
+  double relative;  // error that they may have; coarse maps have one of their pixels, and other samples
+  bool samples_are_pixels = true;  // of the film, which the audit counts
 };
 
 std::vector<std::string> command_of(const Tool& tool, const std::string& file,
@@ -80,6 +80,15 @@ TEST_P(InspectOnFarm, IsTheSameOfAnyWorkers) {
       EXPECT_GT(expected, 0);
     }
   EXPECT_EQ(remote.at("not_finite"), 0);
+  if (!remote.contains("clusters")) return;
+  const auto &expected = local.at("clusters"), &found = remote.at("clusters");
+  ASSERT_EQ(found.size(), expected.size());
+  EXPECT_GT(found.size(), 4u);
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    EXPECT_EQ(found[i].at("expression"), expected[i].at("expression"));
+    for (const char* name : {"share", "share_error"})
+      EXPECT_NEAR(found[i].at(name).get<double>(), expected[i].at(name).get<double>(), tool.relative);
+  }
 }
 INSTANTIATE_TEST_SUITE_P(
     , InspectOnFarm,
@@ -110,13 +119,13 @@ INSTANTIATE_TEST_SUITE_P(
                           "--edits",      kEdit},
                          ".vol",
                          {"mean", "crossing"},
-                         0.1,
+                         1e-4,
                          false},
                     Tool{"paths",
                          {"paths",    scene_path("cornell"),
                           "--size",   "48x32",
                           "--crop",   "8,0,32,32",
-                          "--pixels", "0,0,31,31",
+                          "--pixels", "4,8,27,23",
                           "--spp",    "60",
                           "--set",    "max_depth=4",
                           "--by",     "object",
@@ -125,7 +134,7 @@ INSTANTIATE_TEST_SUITE_P(
                           "--edits",  kEdit},
                          ".json",
                          {"mean"},
-                         0.1,
+                         1e-4,
                          false}),
     [](const auto& one) { return one.param.name; });
 
@@ -135,19 +144,10 @@ TEST(PathsOnFarm, RunIfNoneIsFoundHere) {
   farm.start_master_here();
   farm.start_worker_here("worker");
   for (const char* select : {"", "LD+E"}) {
-    std::vector<std::string> words = {"inspect",
-                                      "paths",
-                                      scene_path("cornell"),
-                                      "--master",
-                                      farm.address(),
-                                      "--size",
-                                      "16x16",
-                                      "--spp",
-                                      "40",
-                                      "--quiet",
-                                      "--json",
-                                      "--region",
-                                      "sphere:40,40,40,0.5"};
+    std::vector<std::string> words = {"inspect", "paths",    scene_path("cornell"), "--size",
+                                      "16x16",   "--region", "sphere:40,40,40,0.5", "--spp",
+                                      "40",      "--json"};
+    words.insert(words.end(), {"--master", farm.address(), "--quiet"});
     if (*select != '\0') words.insert(words.end(), {"--select", select});
     const CommandResult result = farm.candela(words);
     ASSERT_EQ(result.exit_code, 0) << result.err;

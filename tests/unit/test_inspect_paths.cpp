@@ -7,9 +7,10 @@
 #include <cmath>
 #include <map>
 
-#include "tests/unit/renderer_fixture.h"
+#include "tests/unit/inspect_fixture.h"
 #include "worker/inspect/path_groups.h"
 #include "worker/inspect/paths.h"
+#include "worker/scene/objects.h"
 
 namespace candela::inspect {
 namespace {
@@ -29,9 +30,11 @@ JobSettings job_of(const SettingsMap& chosen = {}, std::uint64_t seed = 1) {
 }
 
 std::unique_ptr<Session> open(const std::string& body, const Selection& selection = {},
-                              const SettingsMap& chosen = {}) {
+                              const SettingsMap& chosen = {}, const std::string& edits = "") {
   const test::TextFiles files({{"scene.xml", "<scene version=\"3.0.0\">" + body + "</scene>"}});
-  auto session = Session::open(files, "scene.xml", {}, job_of(chosen, 77), selection, 1);
+  JobSettings job = job_of(chosen, 77);
+  job.edits = edits;
+  auto session = Session::open(files, "scene.xml", {}, job, selection, 1);
   if (!session.ok()) throw std::runtime_error(session.error().to_string());
   return std::move(*session);
 }
@@ -75,8 +78,8 @@ const std::string kRich =
     <emitter type="constant" id="sky"><rgb name="radiance" value="0.3, 0.4, 0.5"/></emitter>)";
 
 // Mean luminance over the film of each layer of the renderer, layer 0 being the image, with its error.
-std::vector<Estimate> rendered(const std::string& body, const std::string& layers,
-                               const SettingsMap& chosen) {
+std::vector<Estimate> rendered(const std::string& body, const std::string& layers, const SettingsMap& chosen,
+                               const std::string& edits = "") {
   constexpr int batches = 16;
   constexpr std::uint64_t iterations = 24;
   const test::TextFiles files({{"scene.xml", "<scene version=\"3.0.0\">" + body + "</scene>"}});
@@ -84,6 +87,7 @@ std::vector<Estimate> rendered(const std::string& body, const std::string& layer
   for (int batch = 0; batch < batches; ++batch) {
     JobSettings job = job_of({}, 1000 + static_cast<std::uint64_t>(batch));
     job.layers = layers;
+    job.edits = edits;
     const auto renderer = test::make_renderer(files, job, chosen);
     const auto film = test::render_film(*renderer, iterations);
     const std::size_t per_layer = std::size_t{3} * kSize * kSize;
@@ -141,6 +145,40 @@ TEST(InspectPaths, ClustersAreTheLayersOfTheirExpressions) {
   }
   EXPECT_NEAR(sum, 1, 1e-9);
   EXPECT_EQ(report.other_count, 0u);
+}
+
+// Claim: the same with edits that select by more of the path than the vertex, from either end; a surface
+// whose letter such an edit leaves open is refused.
+TEST(InspectPaths, ClustersAreTheLayersOfEditedLight) {
+  const SettingsMap settings = {{"max_depth", "5"}};
+  const auto edit = [](const std::string& direction, const std::string& select) {
+    return R"({"edits": [{"name": "a", "direction": ")" + direction + R"(", "select": ")" + select +
+           R"(", "rotate": {"axis": [1, 0, 1], "degrees": 40}, "tint": [4, 2, 0.25]}]})";
+  };
+  const double plain = inspect_of(*open(kRich, {}, settings), whole(100)).mean.x;
+  for (const std::string& edits :
+       {edit("light", "L[XV]*X{floor}[XV]*X{box}"), edit("eye", "X{box}X{floor}E")}) {
+    SCOPED_TRACE(edits);
+    const auto session = open(kRich, {}, settings, edits);
+    ASSERT_NE(session->scene().objects().path_edits, nullptr);
+    PathsRequest request = whole(400);
+    request.rows = 6;
+    const PathsReport report = inspect_of(*session, request);
+    EXPECT_GT(std::abs(report.mean.x - plain), 0.01 * plain);
+    std::string layers;
+    for (std::size_t g = 0; g < report.groups.size(); ++g)
+      layers += "layer g" + std::to_string(g) + "=" + report.groups[g].expression + ";";
+    const auto reference = rendered(kRich, layers, settings, edits);
+    expect_equal(report.luminance.value, report.luminance.error, reference[0], "image");
+    for (std::size_t g = 0; g < report.groups.size(); ++g) {
+      const PathGroup& group = report.groups[g];
+      if (group.share.value < 0.05) continue;
+      expect_equal(group.share.value * report.luminance.value,
+                   group.share.error * report.luminance.value + group.share.value * report.luminance.error,
+                   reference[g + 1], group.expression);
+    }
+  }
+  EXPECT_THROW(open(kRich, {}, settings, edit("light", "LX{box}X{floor}")), std::runtime_error);
 }
 
 // Claim: --select keeps the light of a layer with the same expression, by letters, sides, objects and
@@ -426,7 +464,7 @@ TEST(InspectPaths, JobsHaveTheSameShares) {
       settings[name] = value;
     const test::TextFiles files({{"scene.xml", "<scene version=\"3.0.0\">" + body + "</scene>"}});
     const auto renderer = test::make_renderer(files, job, settings);
-    const auto film = test::render_film(*renderer, request.spp);
+    const auto film = test::render_job(*renderer, request.spp);
     const double samples = static_cast<double>(request.pixels.count() * request.spp);
     const auto mean_of_layer = [&](std::size_t layer, std::size_t c) {
       std::int64_t sum = 0;

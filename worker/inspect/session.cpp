@@ -10,6 +10,7 @@
 #include "common/description/unpacked_files.h"
 #include "common/edits/edits.h"
 #include "common/edits/selection.h"
+#include "worker/scene/bsdfs/path_edited.h"
 #include "worker/scene/edits/edit_request.h"
 #include "worker/scene/objects.h"
 #include "worker/transport/letters/vertex_letter.h"
@@ -80,7 +81,9 @@ Result<std::unique_ptr<Session>> Session::open(const description::FileSource& fi
   options.edits = &edits;
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene,
                  scene::Scene::build(scene_file.description, unpacked, options));
-  if (scene->objects().path_edits != nullptr) return edits::not_in_tools();
+  if (const scene::PathEdits* const by_path = scene->objects().path_edits.get();
+      by_path != nullptr && !by_path->mixed.empty())
+    return edits::letters_not_known(by_path->mixed);
   // An expression may name what the scene left out, such as a black lamp.
   std::vector<letters::ObjectNames> names = scene->objects().names;
   std::vector<std::uint8_t> uses = scene->objects().uses;
