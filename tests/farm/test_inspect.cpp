@@ -125,7 +125,7 @@ INSTANTIATE_TEST_SUITE_P(
                          {"paths",    scene_path("cornell"),
                           "--size",   "48x32",
                           "--crop",   "8,0,32,32",
-                          "--pixels", "4,8,27,23",
+                          "--pixels", "8,8,23,19",
                           "--spp",    "60",
                           "--set",    "max_depth=4",
                           "--by",     "object",
