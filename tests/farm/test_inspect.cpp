@@ -138,6 +138,44 @@ INSTANTIATE_TEST_SUITE_P(
                          false}),
     [](const auto& one) { return one.param.name; });
 
+// Claim: false color of a job, named by its id or its name, has the bytes of that of its image, also of the
+// layer of its error; errors name the job.
+TEST(FalseColorOnFarm, IsThatOfTheImage) {
+  Farm farm;
+  farm.start_master_here();
+  const std::string id = farm.submit(8, "cornell", {"--name", "look"});
+  const auto file = [&](const char* name) { return (farm.folder().path() / name).string(); };
+  const auto show = [&](const std::string& what, std::vector<std::string> more) {
+    std::vector<std::string> words = {"inspect", "falsecolor", what, "-o", file("shown.png")};
+    words.insert(words.end(), more.begin(), more.end());
+    return farm.candela(words);
+  };
+  const std::vector<std::string> remotely = {"--master", farm.address()};
+  const CommandResult none = show("look", remotely);
+  EXPECT_NE(none.exit_code, 0);
+  EXPECT_NE(none.err.find(id), std::string::npos) << none.err;
+  const CommandResult unknown = show("lock", remotely);
+  EXPECT_NE(unknown.err.find("there is no job 'lock'"), std::string::npos) << unknown.err;
+
+  farm.start_worker_here("worker");
+  farm.wait_for(id, v1::JOB_STATE_DONE);
+  const CommandResult fetched = farm.candela({"fetch", id, "-o", file("image.exr"), "--error-layer"});
+  ASSERT_EQ(fetched.exit_code, 0) << fetched.err;
+  for (const auto& more : {std::vector<std::string>{}, std::vector<std::string>{"--layer", "error"}}) {
+    const auto bytes = [&](const std::string& what, std::vector<std::string> options) {
+      options.insert(options.end(), more.begin(), more.end());
+      const CommandResult shown = show(what, options);
+      EXPECT_EQ(shown.exit_code, 0) << shown.err;
+      return *read_file(file("shown.png"), std::uint64_t{1} << 30) + shown.out;
+    };
+    const std::string of_image = bytes(file("image.exr"), {});
+    EXPECT_EQ(bytes(id, remotely), of_image);
+    EXPECT_EQ(bytes("look", remotely), of_image);
+  }
+  const CommandResult layer = show("look", {"--master", farm.address(), "--layer", "depht"});
+  EXPECT_NE(layer.err.find("look: the image has no layer 'depht'"), std::string::npos) << layer.err;
+}
+
 // Claim: if this machine's own samples find no light, the job still runs, and the report has its sums.
 TEST(PathsOnFarm, RunIfNoneIsFoundHere) {
   Farm farm;
