@@ -8,7 +8,10 @@
 
 #include "client/commands/inspect_tools.h"
 #include "client/context.h"
+#include "client/farm_client.h"
+#include "client/jobs_of_words.h"
 #include "client/output.h"
+#include "client/passing_folder.h"
 #include "client/values.h"
 #include "common/base/files.h"
 #include "common/image/false_color.h"
@@ -19,7 +22,8 @@ namespace candela::client {
 namespace {
 
 struct FalseColorOptions {
-  std::string image, output;
+  std::string image, output;  // image: a job, if the farm has a master
+  FarmOptions farm;
   std::optional<std::string> layer, channel, minus, map, range, percentiles;
   bool logarithmic = false, is_signed = false, json = false;
 };
@@ -63,11 +67,28 @@ Result<Choice> choose(const FalseColorOptions& options) {
   return choice;
 }
 
-Result<image::Quantity> read(const FalseColorOptions& options) {
+// The image of a job so far, with the layer that is asked for.
+Result<void> fetch_job(const FalseColorOptions& options, const std::string& file) {
+  CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  CANDELA_ASSIGN(const v1::JobName job, job_of_word(*farm, options.image));
+  ImageRequest request;
+  request.error_layer = options.layer == "error";
+  request.variance_layer = options.layer == "variance";
+  CANDELA_ASSIGN(const std::string exr, farm->fetch_image(job.id(), request));
+  return write_file_atomically(file, exr);
+}
+
+// file: the EXR.
+Result<image::Quantity> read(const FalseColorOptions& options, const std::string& file) {
   const std::string layer = options.layer.value_or(""), channel = options.channel.value_or("");
   if (options.layer && layer.empty()) return usage_error("no layer is named").with_field("--layer");
   if (options.channel && channel.empty()) return usage_error("no channel is named").with_field("--channel");
-  CANDELA_ASSIGN(image::Quantity quantity, image::read_quantity(options.image, layer, channel));
+  auto found = image::read_quantity(file, layer, channel);
+  if (!found.ok()) {
+    Error error = std::move(found).error();
+    return error.file == file ? std::move(error).at(options.image, 0) : std::move(error);
+  }
+  image::Quantity quantity = *std::move(found);
   if (!options.minus) return quantity;
   CANDELA_ASSIGN(const image::Quantity other, image::read_quantity(*options.minus, layer, channel));
   if (quantity.width != other.width || quantity.height != other.height)
@@ -111,7 +132,14 @@ std::string summary_line(const FalseColorOptions& options, const image::Quantity
 Result<int> run_falsecolor(Context& context, const FalseColorOptions& options) {
   CANDELA_ASSIGN(const Choice choice, choose(options));
   CANDELA_TRY(check_output_path(options.output, ".png", "--output"));
-  CANDELA_ASSIGN(const image::Quantity quantity, read(options));
+  PassingFolder folder;
+  std::string file = options.image;
+  if (options.farm.master) {
+    CANDELA_ASSIGN(folder, PassingFolder::make());
+    file = (folder.path() / "job.exr").string();
+    CANDELA_TRY(fetch_job(options, file));
+  }
+  CANDELA_ASSIGN(const image::Quantity quantity, read(options, file));
   image::ColorScale scale;
   if (choice.range) {
     scale = {choice.range->low, choice.range->high, options.logarithmic};
@@ -135,9 +163,13 @@ Result<int> run_falsecolor(Context& context, const FalseColorOptions& options) {
 
 void add_falsecolor(CLI::App& inspect, Context& context) {
   auto options = std::make_shared<FalseColorOptions>();
-  CLI::App* sub = inspect.add_subcommand(
-      "falsecolor", "Show the luminance or a layer of an EXR through a color map, with a scale, as a PNG");
-  sub->add_option("image", options->image, "The EXR")->required()->type_name("IN");
+  CLI::App* sub =
+      inspect.add_subcommand("falsecolor",
+                             "Show the luminance or a layer of an EXR, or with --master of a job of a farm, "
+                             "through a color map, with a scale, as a PNG");
+  sub->add_option("image", options->image, "The EXR; with --master: the job's id, its beginning, or its name")
+      ->required()
+      ->type_name("IN");
   sub->add_option("-o,--output", options->output, "The PNG to write")->required()->type_name("OUT");
   add_text(*sub, "--layer", options->layer,
            "Show this layer in place of the image, such as error, variance or an AOV", "NAME");
@@ -155,6 +187,7 @@ void add_falsecolor(CLI::App& inspect, Context& context) {
   add_text(*sub, "--percentiles", options->percentiles,
            "Take the range between two percentiles of the values (default 1,99)", "LOW,HIGH");
   sub->add_flag("--json", options->json, "Print JSON");
+  add_farm_options(*sub, options->farm);
   set_command(*sub, context, run_falsecolor, options);
 }
 

@@ -5,16 +5,16 @@
 #include <ostream>
 
 #include "client/commands/waiting.h"
-#include "client/embedded/passing_folder.h"
 #include "client/output.h"
+#include "client/passing_folder.h"
 #include "client/submission.h"
+#include "client/values.h"
 
 namespace candela::client {
 
-Result<JobImage> run_inspect_job(Context& context, const FarmOptions& options, InspectJob job,
-                                 LoadedScene scene, const inspect::Session& session) {
+Result<JobFile> run_job_to(Context& context, const FarmOptions& options, InspectJob job, LoadedScene scene,
+                           const std::string& file) {
   JobSettings& settings = scene.job.settings = std::move(job.settings);
-  settings.layers = session.selects() ? letters::text_of(session.request()) : std::string();
   CANDELA_ASSIGN(settings.integrator_settings,
                  context.facts.complete_settings(settings.integrator, {}, settings.integrator_settings));
   scene.job.stop = {};
@@ -29,17 +29,29 @@ Result<JobImage> run_inspect_job(Context& context, const FarmOptions& options, I
     CANDELA_ASSIGN(submitted, submit_scene(*farm, scene, context.facts, submission, progress));
   }
   context.err << fmt::format("candela: job {}\n", printable(submitted.job_id)) << std::flush;
+  const WaitOptions wait{.quiet = job.quiet, .output = {file, {}}};
+  JobFile made;
+  CANDELA_ASSIGN(made.code, wait_for_job(context, *farm, submitted.job_id, wait));
+  if (made.code != 0) return made;
+  CANDELA_ASSIGN(const v1::JobStatus status, farm->get_job(submitted.job_id));
+  for (const v1::RejectedSamples& rejected : status.rejected()) made.rejected += rejected.count();
+  return made;
+}
+
+Result<JobImage> run_inspect_job(Context& context, const FarmOptions& options, InspectJob job,
+                                 LoadedScene scene, const inspect::Session& session) {
+  job.settings.layers = session.selects() ? letters::text_of(session.request()) : std::string();
   CANDELA_ASSIGN(const PassingFolder folder, PassingFolder::make());
   const std::string file = (folder.path() / "job.exr").string();
-  const WaitOptions wait{.quiet = job.quiet, .output = {file, {}}};
+  CANDELA_ASSIGN(const JobFile job_file,
+                 run_job_to(context, options, std::move(job), std::move(scene), file));
   JobImage made;
-  CANDELA_ASSIGN(made.code, wait_for_job(context, *farm, submitted.job_id, wait));
+  made.code = job_file.code;
+  made.rejected = job_file.rejected;
   if (made.code != 0) return made;
   CANDELA_ASSIGN(made.image, session.selects()
                                  ? image::read_layer(file, session.request().layers.front().name)
                                  : image::read_image(file));
-  CANDELA_ASSIGN(const v1::JobStatus status, farm->get_job(submitted.job_id));
-  for (const v1::RejectedSamples& rejected : status.rejected()) made.rejected += rejected.count();
   return made;
 }
 

@@ -24,7 +24,16 @@ struct JobImage {
   std::uint64_t rejected = 0;  // samples
 };
 
-// Submits the job of the scene, waits for its end, and reads its image. session: of the scene.
+struct JobFile {
+  int code = 0;                // as JobImage has it
+  std::uint64_t rejected = 0;  // samples
+};
+
+// Submits the job of the scene, waits for its end, and writes its image with all layers to `file`. The job's
+// settings of its integrator are completed.
+Result<JobFile> run_job_to(Context& context, const FarmOptions& farm, InspectJob job, LoadedScene scene,
+                           const std::string& file);
+// The same with a layer of the light that the session selects, and reads the image. session: of the scene.
 Result<JobImage> run_inspect_job(Context& context, const FarmOptions& farm, InspectJob job, LoadedScene scene,
                                  const inspect::Session& session);
 

@@ -9,7 +9,9 @@
 #include "client/embedded/commands.h"
 #include "client/embedded/inspect_figures.h"
 #include "client/embedded/inspect_scene.h"
+#include "client/embedded/inspect_shares.h"
 #include "client/output.h"
+#include "client/scene_name.h"
 #include "client/values.h"
 #include "common/base/files.h"
 #include "common/image/false_color.h"
@@ -27,8 +29,9 @@ using wire::Json;
 
 struct PathsOptions {
   InspectOptions inspect;
+  FarmOptions farm;
   std::optional<std::string> pixels, spp, by, from, rows, keep, output, ply, overlay;
-  bool json = false;
+  bool json = false, quiet = false;
 };
 
 constexpr std::uint64_t kMaxSpp = 1u << 30;
@@ -103,6 +106,7 @@ Json path_json(const inspect::KeyPath& path, double samples, const inspect::Sess
 std::string report_json(const PathsReport& report, const PathsRequest& request, const PathsOptions& options,
                         const inspect::Session& session) {
   const double samples = static_cast<double>(report.pixels) * static_cast<double>(report.spp);
+  const auto count = [&](std::uint64_t n) { return report.counted ? Json(n) : Json(nullptr); };
   Json groups = Json::array();
   for (const PathGroup& group : report.groups) {
     Json mean_path = Json::array(), paths = Json::array();
@@ -113,7 +117,7 @@ std::string report_json(const PathsReport& report, const PathsRequest& request, 
                       {"share", wire::finite(group.share.value)},
                       {"share_error", wire::finite(group.share.error)},
                       {"mean", point_json(group.mean)},
-                      {"contributions", group.count},
+                      {"contributions", count(group.count)},
                       {"mean_path", std::move(mean_path)},
                       {"key_paths", std::move(paths)}});
   }
@@ -130,7 +134,7 @@ std::string report_json(const PathsReport& report, const PathsRequest& request, 
        {"selected_share", wire::finite(report.selected.value)},
        {"selected_share_error", wire::finite(report.selected.error)},
        {"clusters", std::move(groups)},
-       {"other", {{"share", wire::finite(report.other.value)}, {"contributions", report.other_count}}},
+       {"other", {{"share", wire::finite(report.other.value)}, {"contributions", count(report.other_count)}}},
        {"not_finite", report.not_finite}});
 }
 
@@ -162,7 +166,7 @@ void print_report(std::ostream& out, const PathsReport& report, const PathsReque
     out << fmt::format("{:>7} {:>6}  {:<{}}  {}\n", percent(group.share.value), percent(group.share.error, 2),
                        printable(group.expression), width,
                        group.key_paths.empty() ? "" : object_text(group.key_paths.front(), session));
-  if (report.other_count > 0)
+  if (report.other_count > 0 || std::abs(report.other.value) > 1e-6)
     out << fmt::format("{:>7} {:>6}  {}\n", percent(report.other.value), percent(report.other.error, 2),
                        "(other)");
 }
@@ -181,14 +185,26 @@ Result<int> run_paths(Context& context, const PathsOptions& options) {
     return usage_error("no place is given")
         .with_field("--pixels")
         .with_mend("give --pixels X0,Y0,X1,Y1, or --region box:x0,y0,z0,x1,y1,z1 or sphere:x,y,z,radius");
-  CANDELA_ASSIGN(const OpenedScene opened, open_for_inspection(context, options.inspect, "bdpt"));
+  LoadedScene loaded;
+  CANDELA_ASSIGN(const OpenedScene opened, open_for_inspection(context, options.inspect, "bdpt", &loaded));
   if (options.overlay) CANDELA_TRY(check_projection(opened, "--overlay"));
   CANDELA_ASSIGN(request.pixels, pixels_on_film(rect, opened, "--pixels"));
   request.spot = opened.spot;
   request.threads = opened.threads;
   if (!options.spp) request.spp = usual_spp(request.pixels);
   const inspect::Session& session = *opened.session;
-  CANDELA_ASSIGN(const PathsReport report, inspect::inspect_paths(session, request));
+  const bool on_farm = options.farm.master.has_value();
+  if (on_farm) CANDELA_TRY(check_rows(request.rows, opened));
+  CANDELA_ASSIGN(PathsReport report,
+                 inspect::inspect_paths(session, on_farm ? request_here(request) : request));
+  if (on_farm) {
+    CANDELA_ASSIGN(
+        const int code,
+        shares_on_farm(context, options.farm,
+                       {fmt::format("paths of {}", scene_name(options.inspect.scene.scene)), options.quiet},
+                       request, opened, std::move(loaded), report));
+    if (code != 0) return code;
+  }
   const std::string json =
       options.json || options.output ? report_json(report, request, options, session) : std::string();
   if (options.output) CANDELA_TRY(write_file_atomically(*options.output, json + '\n'));
@@ -211,7 +227,8 @@ void add_inspect_paths(CLI::App& inspect, Context& context) {
   auto options = std::make_shared<PathsOptions>();
   CLI::App* sub = inspect.add_subcommand("paths",
                                          "Show where the light of some pixels comes from: clusters of paths "
-                                         "of bidirectional path tracing, with their shares of the light");
+                                         "of bidirectional path tracing, with their shares of the light, "
+                                         "here or on a farm with --master");
   add_inspect_options(*sub, options->inspect);
   add_text(*sub, "--pixels", options->pixels,
            "Rectangle of pixels, both corners included; default with --region: the film", "X0,Y0,X1,Y1");
@@ -230,6 +247,8 @@ void add_inspect_paths(CLI::App& inspect, Context& context) {
   add_text(*sub, "--overlay", options->overlay, "Write a picture of the scene with key paths drawn over it",
            "FILE.png");
   sub->add_flag("--json", options->json, "Print JSON");
+  sub->add_flag("--quiet", options->quiet, "Print no progress");
+  add_farm_options(*sub, options->farm);
   set_command(*sub, context, run_paths, options);
 }
 

@@ -143,12 +143,12 @@ Result<void> check_by_path(const EditList& list, std::span<const Selection> sele
   return {};
 }
 
-Error not_in_tools() {
-  return usage_error(
-             "an edit depends on more of the path than the edited vertex, and the tools of inspect keep no "
-             "states of an expression")
+Error letters_not_known(const std::string& surface) {
+  return input_error(fmt::format("the surface {} scatters by D and G at once, and edits change it for some "
+                                 "paths only: its letter is not known to layers and to inspect",
+                                 surface))
       .with_field("edits")
-      .with_mend("select from the vertex alone, such as LX*S{mirror} or X{wall}X*E, or render the image");
+      .with_mend("render these edits without layers, or select from the vertex alone: LX*X{wall}");
 }
 
 }  // namespace candela::edits

@@ -53,7 +53,8 @@ class Selection {
 // selections are those of the list's edits.
 Result<void> check_by_path(const EditList& list, std::span<const Selection> selections,
                            std::span<const letters::ObjectNames> objects, std::span<const std::uint8_t> uses);
-// The error (usage) of tools that look into the light of a scene, if it has such edits.
-Error not_in_tools();
+// The error (input) of whatever reads letters, if such edits change for some paths only a surface that
+// scatters by D and G at once. surface: as messages name it.
+Error letters_not_known(const std::string& surface);
 
 }  // namespace candela::edits

@@ -17,7 +17,7 @@ std::uint32_t number_of(const SettingsMap& settings, const char* name) {
 }  // namespace
 
 CameraFilm camera_film(const JobSettings& job) {
-  if (job.integrator != kVolume) return {job.width, job.height, job.crop};
+  if (!records_paths(job.integrator)) return {job.width, job.height, job.crop};
   const auto number = [&](const char* name) { return number_of(job.integrator_settings, name); };
   CameraFilm film{number("film_width"), number("film_height"), std::nullopt};
   if (number("whole_width") > 0)

@@ -1,4 +1,4 @@
-// Maps of `candela inspect sphere` made by jobs on a farm.
+// Jobs of `candela inspect` on a farm.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -13,15 +13,15 @@ namespace candela::farm {
 namespace {
 
 const std::string kEdit =
-    R"({"edits": [{"name": "a", "direction": "light", "select": "LX*X", "tint": [1, 0.5, 0.25]}]})";
+    R"({"edits": [{"name": "a", "direction": "light", "select": "LX*X{left}X", "tint": [1, 0.5, 0.25]}]})";
 
 struct Tool {
   std::string name;
   std::vector<std::string> words;
   std::string ending;                  // of the file
   std::vector<std::string> estimates;  // members of the report that are not those of other samples to the bit
-  double relative;                     // error that they may have; coarse maps have one of their pixels
-  bool samples_are_pixels = true;      // of the film, which the audit counts
+  double relative;  // error that they may have; coarse maps have one of their pixels, and other samples
+  bool samples_are_pixels = true;  // of the film, which the audit counts
 };
 
 std::vector<std::string> command_of(const Tool& tool, const std::string& file,
@@ -60,9 +60,9 @@ TEST_P(InspectOnFarm, IsTheSameOfAnyWorkers) {
     const std::size_t at = said.find("candela: job ");
     return at == std::string::npos ? std::string() : said.substr(at + 13, said.find('\n', at) - at - 13);
   };
-  ASSERT_TRUE(eventually(kPatienceSeconds, [&] {
-    return !job().empty() && farm.job(job()).iterations() > 0;
-  })) << three->err();
+  eventually(kPatienceSeconds,
+             [&] { return !three->running() || (!job().empty() && farm.job(job()).iterations() > 0); });
+  ASSERT_FALSE(job().empty()) << three->err();
   farm.kill_master();
   victim.kill();
   farm.restart_master();
@@ -80,6 +80,15 @@ TEST_P(InspectOnFarm, IsTheSameOfAnyWorkers) {
       EXPECT_GT(expected, 0);
     }
   EXPECT_EQ(remote.at("not_finite"), 0);
+  if (!remote.contains("clusters")) return;
+  const auto &expected = local.at("clusters"), &found = remote.at("clusters");
+  ASSERT_EQ(found.size(), expected.size());
+  EXPECT_GT(found.size(), 4u);
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    EXPECT_EQ(found[i].at("expression"), expected[i].at("expression"));
+    for (const char* name : {"share", "share_error"})
+      EXPECT_NEAR(found[i].at(name).get<double>(), expected[i].at(name).get<double>(), tool.relative);
+  }
 }
 INSTANTIATE_TEST_SUITE_P(
     , InspectOnFarm,
@@ -110,9 +119,87 @@ INSTANTIATE_TEST_SUITE_P(
                           "--edits",      kEdit},
                          ".vol",
                          {"mean", "crossing"},
-                         0.1,
+                         1e-4,
+                         false},
+                    Tool{"paths",
+                         {"paths",    scene_path("cornell"),
+                          "--size",   "48x32",
+                          "--crop",   "8,0,32,32",
+                          "--pixels", "8,8,23,19",
+                          "--spp",    "60",
+                          "--set",    "max_depth=4",
+                          "--by",     "object",
+                          "--select", "LX+E",
+                          "--region", "box:-1,-1,-1,0.5,2,1",
+                          "--edits",  kEdit},
+                         ".json",
+                         {"mean"},
+                         1e-4,
                          false}),
     [](const auto& one) { return one.param.name; });
+
+// Claim: false color of a job, named by its id or its name, has the bytes of that of its image, also of the
+// layer of its error; errors name the job.
+TEST(FalseColorOnFarm, IsThatOfTheImage) {
+  Farm farm;
+  farm.start_master_here();
+  const std::string id = farm.submit(8, "cornell", {"--name", "look"});
+  const auto file = [&](const char* name) { return (farm.folder().path() / name).string(); };
+  const auto show = [&](const std::string& what, std::vector<std::string> more) {
+    std::vector<std::string> words = {"inspect", "falsecolor", what, "-o", file("shown.png")};
+    words.insert(words.end(), more.begin(), more.end());
+    return farm.candela(words);
+  };
+  const std::vector<std::string> remotely = {"--master", farm.address()};
+  const CommandResult none = show("look", remotely);
+  EXPECT_NE(none.exit_code, 0);
+  EXPECT_NE(none.err.find(id), std::string::npos) << none.err;
+  const CommandResult unknown = show("lock", remotely);
+  EXPECT_NE(unknown.err.find("there is no job 'lock'"), std::string::npos) << unknown.err;
+
+  farm.start_worker_here("worker");
+  farm.wait_for(id, v1::JOB_STATE_DONE);
+  const CommandResult fetched = farm.candela({"fetch", id, "-o", file("image.exr"), "--error-layer"});
+  ASSERT_EQ(fetched.exit_code, 0) << fetched.err;
+  for (const auto& more : {std::vector<std::string>{}, std::vector<std::string>{"--layer", "error"}}) {
+    const auto bytes = [&](const std::string& what, std::vector<std::string> options) {
+      options.insert(options.end(), more.begin(), more.end());
+      const CommandResult shown = show(what, options);
+      EXPECT_EQ(shown.exit_code, 0) << shown.err;
+      return *read_file(file("shown.png"), std::uint64_t{1} << 30) + shown.out;
+    };
+    const std::string of_image = bytes(file("image.exr"), {});
+    EXPECT_EQ(bytes(id, remotely), of_image);
+    EXPECT_EQ(bytes("look", remotely), of_image);
+  }
+  const CommandResult layer = show("look", {"--master", farm.address(), "--layer", "depht"});
+  EXPECT_NE(layer.err.find("look: the image has no layer 'depht'"), std::string::npos) << layer.err;
+}
+
+// Claim: if this machine's own samples find no light, the job still runs, and the report has its sums.
+TEST(PathsOnFarm, RunIfNoneIsFoundHere) {
+  Farm farm;
+  farm.start_master_here();
+  farm.start_worker_here("worker");
+  for (const char* select : {"", "LD+E"}) {
+    std::vector<std::string> words = {"inspect", "paths",    scene_path("cornell"), "--size",
+                                      "16x16",   "--region", "sphere:40,40,40,0.5", "--spp",
+                                      "40",      "--json"};
+    words.insert(words.end(), {"--master", farm.address(), "--quiet"});
+    if (*select != '\0') words.insert(words.end(), {"--select", select});
+    const CommandResult result = farm.candela(words);
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const std::string prefix = "candela: job ";
+    ASSERT_TRUE(result.err.starts_with(prefix)) << result.err;
+    const std::string id = result.err.substr(prefix.size(), result.err.find('\n') - prefix.size());
+    EXPECT_EQ(farm.job(id).iterations(), 40u);
+    const auto report = nlohmann::json::parse(result.out);
+    EXPECT_EQ(report.at("spp"), 40);
+    EXPECT_EQ(report.at("luminance"), 0);
+    EXPECT_TRUE(report.at("clusters").empty());
+    EXPECT_TRUE(report.at("other").at("share").is_null());
+  }
+}
 
 }  // namespace
 }  // namespace candela::farm

@@ -274,8 +274,8 @@ TEST_F(InspectScene, Crops) {
   EXPECT_LT(std::hypot(whole_error, crop_error), 0.02 * whole);
 }
 
-// Claim: with an edit the sphere shows the light of a render with the edit; all tools refuse edits that they
-// would not show.
+// Claim: with an edit the tools show the light of a render with the edit, also of one that selects by more of
+// the path than the vertex; all refuse edits that leave the letter of a surface open.
 TEST_F(InspectScene, Edits) {
   const std::string file = scene(std::string(kSensor) + kFloor + kSky);
   const std::string edits =
@@ -291,15 +291,33 @@ TEST_F(InspectScene, Edits) {
   EXPECT_NEAR(plain.green(2, 7), 0.5, 0.05);
   EXPECT_NEAR(edited.green(2, 7), 0.25, 0.03);
   const std::string by_path =
-      R"({"edits": [{"name": "dim", "direction": "light", "select": "LXX{floor}", "scale": 0.5}]})";
+      R"({"edits": [{"name": "dim", "direction": "light", "select": "L{sky}X{floor}", "scale": 0.5}]})";
+  EXPECT_NEAR(map(by_path).green(2, 7), 0.25, 0.03);
+
+  const std::string plastic =
+      scene(std::string(kSensor) + kSky +
+                R"(<shape type="rectangle" id="floor"><bsdf type="roughplastic"/></shape>)",
+            "plastic.xml");
   for (std::vector<std::string> words :
-       {std::vector<std::string>{"sphere", file, "--at", "0,1,0", "-o", in_folder("map.exr")},
-        {"paths", file, "--pixels", "0,0,1,1"},
-        {"volume", file, "--box", "0,0,0,1,1,1", "-o", in_folder("grid.vol")}}) {
-    words.insert(words.end(), {"--edits", by_path});
-    const Outcome refused = run(words);
+       {std::vector<std::string>{"paths", file, "--pixels", "8,8,9,9"},
+        {"volume", file, "--pixels", "8,8,9,9", "--box", "0,0,0,1,1,1", "-o", in_folder("grid.vol")},
+        {"sphere", file, "--at", "0,1,0", "-o", in_folder("map.exr")}}) {
+    const auto told = [&](const std::string& text) {
+      std::vector<std::string> all = words;
+      all.insert(all.end(), {"--edits", text, "--spp", "64", "--json"});
+      return run(all);
+    };
+    if (words[0] != "sphere") {
+      const auto mean = [&](const std::string& text) {
+        return json::parse(told(text).out).at("mean").at(1).get<double>();
+      };
+      EXPECT_NEAR(mean(by_path) / mean("none"), 0.5, 0.03) << words[0];
+    }
+    words[1] = plastic;
+    const Outcome refused = told(by_path);
     EXPECT_NE(refused.code, 0) << words[0];
-    EXPECT_NE(refused.err.find("more of the path than the edited vertex"), std::string::npos) << refused.err;
+    EXPECT_NE(refused.err.find("the surface 'floor' scatters by D and G at once"), std::string::npos)
+        << refused.err;
   }
 }
 

@@ -3,12 +3,14 @@
 // of them here the file alarms falsely with probability below 1e-3.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 
-#include "tests/unit/renderer_fixture.h"
+#include "tests/unit/inspect_fixture.h"
 #include "worker/inspect/path_groups.h"
 #include "worker/inspect/paths.h"
+#include "worker/scene/objects.h"
 
 namespace candela::inspect {
 namespace {
@@ -28,9 +30,11 @@ JobSettings job_of(const SettingsMap& chosen = {}, std::uint64_t seed = 1) {
 }
 
 std::unique_ptr<Session> open(const std::string& body, const Selection& selection = {},
-                              const SettingsMap& chosen = {}) {
+                              const SettingsMap& chosen = {}, const std::string& edits = "") {
   const test::TextFiles files({{"scene.xml", "<scene version=\"3.0.0\">" + body + "</scene>"}});
-  auto session = Session::open(files, "scene.xml", {}, job_of(chosen, 77), selection, 1);
+  JobSettings job = job_of(chosen, 77);
+  job.edits = edits;
+  auto session = Session::open(files, "scene.xml", {}, job, selection, 1);
   if (!session.ok()) throw std::runtime_error(session.error().to_string());
   return std::move(*session);
 }
@@ -74,8 +78,8 @@ const std::string kRich =
     <emitter type="constant" id="sky"><rgb name="radiance" value="0.3, 0.4, 0.5"/></emitter>)";
 
 // Mean luminance over the film of each layer of the renderer, layer 0 being the image, with its error.
-std::vector<Estimate> rendered(const std::string& body, const std::string& layers,
-                               const SettingsMap& chosen) {
+std::vector<Estimate> rendered(const std::string& body, const std::string& layers, const SettingsMap& chosen,
+                               const std::string& edits = "") {
   constexpr int batches = 16;
   constexpr std::uint64_t iterations = 24;
   const test::TextFiles files({{"scene.xml", "<scene version=\"3.0.0\">" + body + "</scene>"}});
@@ -83,6 +87,7 @@ std::vector<Estimate> rendered(const std::string& body, const std::string& layer
   for (int batch = 0; batch < batches; ++batch) {
     JobSettings job = job_of({}, 1000 + static_cast<std::uint64_t>(batch));
     job.layers = layers;
+    job.edits = edits;
     const auto renderer = test::make_renderer(files, job, chosen);
     const auto film = test::render_film(*renderer, iterations);
     const std::size_t per_layer = std::size_t{3} * kSize * kSize;
@@ -140,6 +145,40 @@ TEST(InspectPaths, ClustersAreTheLayersOfTheirExpressions) {
   }
   EXPECT_NEAR(sum, 1, 1e-9);
   EXPECT_EQ(report.other_count, 0u);
+}
+
+// Claim: the same with edits that select by more of the path than the vertex, from either end; a surface
+// whose letter such an edit leaves open is refused.
+TEST(InspectPaths, ClustersAreTheLayersOfEditedLight) {
+  const SettingsMap settings = {{"max_depth", "5"}};
+  const auto edit = [](const std::string& direction, const std::string& select) {
+    return R"({"edits": [{"name": "a", "direction": ")" + direction + R"(", "select": ")" + select +
+           R"(", "rotate": {"axis": [1, 0, 1], "degrees": 40}, "tint": [4, 2, 0.25]}]})";
+  };
+  const double plain = inspect_of(*open(kRich, {}, settings), whole(100)).mean.x;
+  for (const std::string& edits :
+       {edit("light", "L[XV]*X{floor}[XV]*X{box}"), edit("eye", "X{box}X{floor}E")}) {
+    SCOPED_TRACE(edits);
+    const auto session = open(kRich, {}, settings, edits);
+    ASSERT_NE(session->scene().objects().path_edits, nullptr);
+    PathsRequest request = whole(400);
+    request.rows = 6;
+    const PathsReport report = inspect_of(*session, request);
+    EXPECT_GT(std::abs(report.mean.x - plain), 0.01 * plain);
+    std::string layers;
+    for (std::size_t g = 0; g < report.groups.size(); ++g)
+      layers += "layer g" + std::to_string(g) + "=" + report.groups[g].expression + ";";
+    const auto reference = rendered(kRich, layers, settings, edits);
+    expect_equal(report.luminance.value, report.luminance.error, reference[0], "image");
+    for (std::size_t g = 0; g < report.groups.size(); ++g) {
+      const PathGroup& group = report.groups[g];
+      if (group.share.value < 0.05) continue;
+      expect_equal(group.share.value * report.luminance.value,
+                   group.share.error * report.luminance.value + group.share.value * report.luminance.error,
+                   reference[g + 1], group.expression);
+    }
+  }
+  EXPECT_THROW(open(kRich, {}, settings, edit("light", "LX{box}X{floor}")), std::runtime_error);
 }
 
 // Claim: --select keeps the light of a layer with the same expression, by letters, sides, objects and
@@ -365,6 +404,85 @@ TEST(InspectPaths, SplitsTheBrightestGroupFirst) {
   EXPECT_EQ(texts(false, 2), (std::vector<std::string>{"L [DGSV]* DR E", "L DR SR SR E"}));
   EXPECT_EQ(texts(false, 3), (std::vector<std::string>{"L DR DR DR E", "L DR SR DR E", "L DR SR SR E"}));
   EXPECT_EQ(texts(true, 2), (std::vector<std::string>{"L DR DR DR E", "L DR SR [DGSV]* E"}));
+}
+
+// Claim: the film of a job has, for each group, the sums that one machine has of the same samples: of light
+// from a region that an expression selects, by letters and by objects, some of which have no name, or one
+// that others have too.
+TEST(InspectPaths, JobsHaveTheSameShares) {
+  const SettingsMap depth = {{"max_depth", "4"}};
+  const std::string body = R"(<bsdf type="diffuse" id="white"/>
+    <shape type="sphere"><point name="center" x="0" y="1" z="2"/><ref id="white"/></shape>
+    <shape type="sphere" id="egg"><point name="center" x="-1" y="1" z="3"/><ref id="white"/></shape>)" +
+                           kRich;
+  for (const bool by_object : {false, true}) {
+    Selection selection;
+    selection.expression = "L[DGSV]+[DG]E";
+    const auto session = open(body, selection, depth);
+    PathsRequest request = whole(48);
+    request.pixels = {1, 2, 6, 7};
+    request.by_object = by_object;
+    request.rows = 16;
+    request.spot = letters::Region{"spot", letters::Region::Kind::box, {-8, -1, -8}, {8, 1.5, 8}, 0};
+    PathsReport report = inspect_of(*session, request);
+    std::sort(report.groups.begin(), report.groups.end(), [&](const PathGroup& a, const PathGroup& b) {
+      return is_narrower(a.common, b.common, *session);
+    });
+    ASSERT_GT(report.groups.size(), 4u);
+    if (by_object) {
+      const auto seen = [&](const std::string& name) {
+        return std::any_of(report.groups.begin(), report.groups.end(), [&](const PathGroup& group) {
+          return group.expression.find("X{" + name + "} E") != std::string::npos;
+        });
+      };
+      EXPECT_TRUE(seen("white") && seen("egg"));
+    }
+
+    JobSettings job = job_of({}, 77);
+    job.integrator = "shares";
+    job.width = 32;
+    job.height = 1;
+    letters::LayerRequest layers = session->request();
+    for (std::size_t i = 0; i < report.groups.size(); ++i)
+      layers.layers.push_back({"g" + std::to_string(i), report.groups[i].expression});
+    job.layers = letters::text_of(layers);
+    SettingsMap settings = depth;
+    for (const auto& [name, value] : {std::pair{"film_width", "8"},
+                                      {"film_height", "8"},
+                                      {"pixel_x0", "1"},
+                                      {"pixel_y0", "2"},
+                                      {"pixel_x1", "6"},
+                                      {"pixel_y1", "7"},
+                                      {"spot", "box"},
+                                      {"low_x", "-8"},
+                                      {"low_y", "-1"},
+                                      {"low_z", "-8"},
+                                      {"high_x", "8"},
+                                      {"high_y", "1.5"},
+                                      {"high_z", "8"},
+                                      {"selects", "true"}})
+      settings[name] = value;
+    const test::TextFiles files({{"scene.xml", "<scene version=\"3.0.0\">" + body + "</scene>"}});
+    const auto renderer = test::make_renderer(files, job, settings);
+    const auto film = test::render_job(*renderer, request.spp);
+    const double samples = static_cast<double>(request.pixels.count() * request.spp);
+    const auto mean_of_layer = [&](std::size_t layer, std::size_t c) {
+      std::int64_t sum = 0;
+      for (std::size_t b = 0; b < 32; ++b) sum += film->sums()[(layer * 32 + b) * 3 + c];
+      return std::ldexp(static_cast<double>(sum), -test::kFilmScaleLog2) / samples;
+    };
+    for (std::size_t c = 0; c < 3; ++c) {
+      const auto channel = static_cast<int>(c);
+      EXPECT_NEAR(mean_of_layer(0, c), report.mean[channel], 1e-4 * report.mean[channel]);
+      double rest = mean_of_layer(1, c);
+      for (std::size_t i = 0; i < report.groups.size(); ++i) {
+        const double expected = report.groups[i].mean[channel], found = mean_of_layer(2 + i, c);
+        EXPECT_NEAR(found, expected, 1e-4 * (expected + report.mean[channel])) << report.groups[i].expression;
+        rest -= found;
+      }
+      EXPECT_NEAR(rest, 0, 1e-4 * report.mean[channel]);
+    }
+  }
 }
 
 }  // namespace

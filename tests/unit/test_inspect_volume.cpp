@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "common/rng/stream.h"
-#include "tests/unit/renderer_fixture.h"
+#include "tests/unit/inspect_fixture.h"
 #include "worker/inspect/volume.h"
 #include "worker/integrators/volume/cell_film.h"
 
@@ -243,7 +243,7 @@ TEST(InspectVolume, JobsHaveTheSameLight) {
     settings[name] = value;
   const test::TextFiles files({{"scene.xml", "<scene version=\"3.0.0\">" + body + "</scene>"}});
   const auto renderer = test::make_renderer(files, job, settings);
-  const auto film = test::render_film(*renderer, request.spp);
+  const auto film = test::render_job(*renderer, request.spp);
   const std::size_t layer = std::size_t{job.width} * job.height * 3;
   const auto sum = [&](std::uint64_t pixel, std::size_t channel) {
     return std::ldexp(static_cast<double>(film->sums()[layer + 3 * pixel + channel]), -test::kFilmScaleLog2);

@@ -69,6 +69,14 @@ std::vector<StringGroup> group_strings(const std::map<PathString, Cluster>& clus
   return closed;
 }
 
+bool is_narrower(const PathString& a, const PathString& b, const Session& session) {
+  const auto rank = [&](char32_t code) {
+    return std::pair(session.objects_of_name(token_of(code).object), code);
+  };
+  return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end(),
+                                      [&](char32_t x, char32_t y) { return rank(x) < rank(y); });
+}
+
 std::string text_of(const Token& token, const Session& session) {
   constexpr std::array<std::string_view, 6> kLetters = {"L", "E", "D", "G", "S", "V"};
   const bool any_surface = token.letter == Letter::diffuse && token.side == Side::none;
@@ -84,6 +92,7 @@ std::string text_of(const Token& token, const Session& session) {
 std::string expression_of(const StringGroup& group, bool from_light, const Session& session) {
   std::vector<std::string> words;
   for (const char32_t code : group.common) words.push_back(text_of(token_of(code), session));
+  if (words.empty()) words.emplace_back(from_light ? "L" : "E");
   if (!group.whole) {
     words.emplace_back("[DGSV]*");
     words.emplace_back(from_light ? "E" : "L");

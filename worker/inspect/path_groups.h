@@ -21,6 +21,10 @@ struct StringGroup {
 std::vector<StringGroup> group_strings(const std::map<PathString, Cluster>& clusters, bool from_light,
                                        std::size_t rows);
 
+// The order of groups by their `common` in which each path is of the first group whose expression it matches:
+// a name that more objects have comes later, and vertices without a name, which match all, last.
+bool is_narrower(const PathString& a, const PathString& b, const Session& session);
+
 // "L [DGSV]* DR E", "L{lamp} X{wall} E"
 std::string expression_of(const StringGroup& group, bool from_light, const Session& session);
 // "L", "DR", "V{fog}", "X{wall}"

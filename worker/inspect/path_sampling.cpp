@@ -51,7 +51,8 @@ void PathSampling::run(std::uint64_t task, PathConsumer& paths) const {
   for (std::uint64_t pixel = first; pixel < last; ++pixel) {
     const auto x = static_cast<std::uint32_t>(rect.x0 + pixel % width),
                y = static_cast<std::uint32_t>(rect.y0 + pixel / width);
-    for (std::uint64_t i = batch_of(task); i < spp_; i += batches_) samples.trace(x, y, 0, i);
+    for (std::uint64_t i = batch_of(task); i < spp_; i += batches_)
+      samples.trace(x, y, static_cast<std::uint32_t>(i % 2), i / 2);
   }
 }
 

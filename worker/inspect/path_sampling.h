@@ -12,7 +12,8 @@
 
 namespace candela::inspect {
 
-// Sample i is of batch i mod batches(). A task is a stretch of the pixels, row by row, in one batch.
+// Sample i is that of iteration i of a job, and of batch i mod batches(). A task is a stretch of the pixels,
+// row by row, in one batch.
 class PathSampling {
  public:
   // The settings of the session's job are those of `bdpt`. Errors: settings. The session outlives it.

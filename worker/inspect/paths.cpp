@@ -12,6 +12,8 @@
 namespace candela::inspect {
 namespace {
 
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
 class PathsRun {
  public:
   PathsRun(const Session& session, const PathsRequest& request, const PathSampling& sampling)
@@ -35,56 +37,23 @@ class PathsRun {
   }
 
  private:
-  // The share of a sum's luminance in that of all light.
-  Estimate share(const std::vector<double>& batches, const std::vector<double>& totals) const {
-    double part = 0, total = 0;
-    for (const double v : batches) part += v;
-    for (const double v : totals) total += v;
-    constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
-    if (total == 0) return {unknown, unknown};
-    const double ratio = part / total;
-    const std::size_t n = batches.size();
-    if (n < 2) return {ratio, unknown};
-    double residuals = 0;
-    for (std::size_t b = 0; b < n; ++b) {
-      const double residual = batches[b] - ratio * totals[b];
-      residuals += residual * residual;
-    }
-    const auto count = static_cast<double>(n);
-    return {ratio, std::sqrt(residuals * count / (count - 1)) / std::abs(total)};
-  }
-
-  Estimate mean_luminance(const std::vector<double>& totals) const {
-    const auto pixels = static_cast<double>(request_.pixels.count());
-    double sum = 0;
-    for (const double v : totals) sum += v;
-    const double mean = sum / (pixels * static_cast<double>(request_.spp));
-    const std::size_t n = totals.size();
-    if (n < 2) return {mean, std::numeric_limits<double>::quiet_NaN()};
-    double squares = 0;
-    for (std::size_t b = 0; b < n; ++b) {
-      const auto samples = static_cast<double>(sampling_.samples_in(b));
-      const double residual = totals[b] - mean * pixels * samples;
-      squares += residual * residual;
-    }
-    const auto count = static_cast<double>(n);
-    return {mean, std::sqrt(squares * count / (count - 1)) / (pixels * static_cast<double>(request_.spp))};
-  }
-
   PathsReport report(const PathSums& sums) const {
     PathsReport out;
     out.pixels = request_.pixels.count();
     out.spp = request_.spp;
     const double samples = static_cast<double>(out.pixels) * static_cast<double>(out.spp);
     out.mean = sums.total() * (1 / samples);
-    out.luminance = mean_luminance(sums.totals());
-    out.other = share(sums.other().batches, sums.totals());
+    std::vector<double> samples_in;
+    for (std::size_t b = 0; b < sampling_.batches(); ++b)
+      samples_in.push_back(static_cast<double>(out.pixels * sampling_.samples_in(b)));
+    out.luminance = mean_of(sums.totals(), samples_in);
+    out.other = share_of(sums.other().batches, sums.totals());
     out.other_count = sums.other().count;
     out.not_finite = sums.not_finite();
     std::vector<double> selected = sums.other().batches;
     for (const StringGroup& group : group_strings(sums.clusters(), request_.from_light, request_.rows))
       out.groups.push_back(group_of(group, sums, samples, selected));
-    out.selected = share(selected, sums.totals());
+    out.selected = share_of(selected, sums.totals());
     return out;
   }
 
@@ -92,6 +61,7 @@ class PathsRun {
                      std::vector<double>& selected) const {
     PathGroup out;
     out.expression = expression_of(strings, request_.from_light, session_);
+    out.common = strings.common;
     std::vector<double> batches(selected.size());
     const Cluster* brightest = nullptr;
     for (const auto* member : strings.members) {
@@ -104,7 +74,7 @@ class PathsRun {
         if (path.string == member->first) out.key_paths.push_back(path);
     }
     for (std::size_t b = 0; b < batches.size(); ++b) selected[b] += batches[b];
-    out.share = share(batches, sums.totals());
+    out.share = share_of(batches, sums.totals());
     for (const Vec3d& place : brightest->places)
       out.mean_path.push_back(Vec3(place * (1 / std::max(brightest->weight, 1e-300))));
     // One at least, of the string with most light.
@@ -121,6 +91,39 @@ class PathsRun {
 };
 
 }  // namespace
+
+Estimate share_of(const std::vector<double>& batches, const std::vector<double>& totals) {
+  double part = 0, total = 0;
+  for (const double v : batches) part += v;
+  for (const double v : totals) total += v;
+  if (total == 0) return {kUnknown, kUnknown};
+  const double ratio = part / total;
+  const std::size_t n = batches.size();
+  if (n < 2) return {ratio, kUnknown};
+  double residuals = 0;
+  for (std::size_t b = 0; b < n; ++b) {
+    const double residual = batches[b] - ratio * totals[b];
+    residuals += residual * residual;
+  }
+  const auto count = static_cast<double>(n);
+  return {ratio, std::sqrt(residuals * count / (count - 1)) / std::abs(total)};
+}
+
+Estimate mean_of(const std::vector<double>& totals, const std::vector<double>& samples) {
+  double sum = 0, all = 0;
+  for (const double v : totals) sum += v;
+  for (const double v : samples) all += v;
+  const double mean = sum / all;
+  const std::size_t n = totals.size();
+  if (n < 2) return {mean, kUnknown};
+  double squares = 0;
+  for (std::size_t b = 0; b < n; ++b) {
+    const double residual = totals[b] - mean * samples[b];
+    squares += residual * residual;
+  }
+  const auto count = static_cast<double>(n);
+  return {mean, std::sqrt(squares * count / (count - 1)) / all};
+}
 
 Result<PathsReport> inspect_paths(const Session& session, const PathsRequest& request) {
   CANDELA_ASSIGN(const PathSampling sampling, PathSampling::create(session, request.pixels, request.spp));

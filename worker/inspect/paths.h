@@ -34,6 +34,7 @@ struct Estimate {
 
 struct PathGroup {
   std::string expression;          // a light path expression that its paths match
+  PathString common;               // their vertices next to the end where clustering begins
   Estimate share;                  // of the light of all paths, also of those that are not selected
   Vec3d mean;                      // of a pixel: linear Rec.709
   std::uint64_t count = 0;         // contributions
@@ -50,8 +51,14 @@ struct PathsReport {
   // Paths of more strings, or of more vertices, than are told apart.
   Estimate other;
   std::uint64_t other_count = 0;
+  bool counted = true;           // the numbers of contributions are known
   std::uint64_t not_finite = 0;  // contributions left out
 };
+
+// The share of a sum in all light, from luminances by batch.
+Estimate share_of(const std::vector<double>& batches, const std::vector<double>& totals);
+// The mean of a sample. samples: of each batch.
+Estimate mean_of(const std::vector<double>& totals, const std::vector<double>& samples);
 
 // A pure function of session and request but for threads, which change nothing. Errors: settings of the
 // integrator.

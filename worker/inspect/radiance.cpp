@@ -37,7 +37,7 @@ class Tracer {
         letters_(session.automaton(), session.request(), scene_, 1) {
     integrators::Planned planned = integrators::path::plan(options, scene_.features(), false);
     techniques_ = planned.techniques;
-    radiance_ = estimators::path_radiance_with_letters<samplers::Sampler>(planned.between);
+    radiance_ = estimators::path_radiance_in<samplers::Sampler>(scene_, planned.between, true);
   }
 
   Spectrum operator()(const Ray& ray, samplers::Sampler& sampler, film::SampleCounts& sample_counts) const {

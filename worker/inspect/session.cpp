@@ -10,6 +10,7 @@
 #include "common/description/unpacked_files.h"
 #include "common/edits/edits.h"
 #include "common/edits/selection.h"
+#include "worker/scene/bsdfs/path_edited.h"
 #include "worker/scene/edits/edit_request.h"
 #include "worker/scene/objects.h"
 #include "worker/transport/letters/vertex_letter.h"
@@ -40,6 +41,11 @@ Session::Session(JobSettings settings, film::PixelFilter filter, std::unique_ptr
   std::map<std::string, std::uint32_t> first;
   for (std::uint32_t i = 0; i < scene_->objects().names.size(); ++i)
     object_of_name_.push_back(first.emplace(object_name(i), i).first->second);
+  std::map<std::string, std::uint32_t> bearers;
+  for (const letters::ObjectNames& names : scene_->objects().names)
+    for (const std::string& name : names) ++bearers[name];
+  for (std::uint32_t i = 0; i < scene_->objects().names.size(); ++i)
+    objects_of_name_.push_back(object_name(i).empty() ? letters::kNoObject : bearers[object_name(i)]);
 }
 
 Result<std::unique_ptr<Session>> Session::open(const description::FileSource& files,
@@ -75,7 +81,9 @@ Result<std::unique_ptr<Session>> Session::open(const description::FileSource& fi
   options.edits = &edits;
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene,
                  scene::Scene::build(scene_file.description, unpacked, options));
-  if (scene->objects().path_edits != nullptr) return edits::not_in_tools();
+  if (const scene::PathEdits* const by_path = scene->objects().path_edits.get();
+      by_path != nullptr && !by_path->mixed.empty())
+    return edits::letters_not_known(by_path->mixed);
   // An expression may name what the scene left out, such as a black lamp.
   std::vector<letters::ObjectNames> names = scene->objects().names;
   std::vector<std::uint8_t> uses = scene->objects().uses;

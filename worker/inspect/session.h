@@ -56,6 +56,10 @@ class Session {
   const std::string& object_name(std::uint32_t object) const;
   // The first object with this one's first name: one object stands for all of a name.
   std::uint32_t object_of_name(std::uint32_t object) const { return object_of_name_[object]; }
+  // The objects that {NAME} matches, of an object's first name; all if it has none.
+  std::uint32_t objects_of_name(std::uint32_t object) const {
+    return object < objects_of_name_.size() ? objects_of_name_[object] : letters::kNoObject;
+  }
   // Bit i: p, a point of the scene, is inside region i.
   std::uint32_t regions_at(Vec3 p) const;
   // In the coordinates of the scene's file.
@@ -74,7 +78,7 @@ class Session {
   letters::Automaton automaton_;
   letters::LayerRequest request_;
   bool selects_;
-  std::vector<std::uint32_t> object_of_name_;
+  std::vector<std::uint32_t> object_of_name_, objects_of_name_;
 };
 
 }  // namespace candela::inspect

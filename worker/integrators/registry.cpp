@@ -17,6 +17,7 @@
 #include "worker/integrators/path/path.h"
 #include "worker/integrators/ppm/ppm.h"
 #include "worker/integrators/pssmlt/pssmlt.h"
+#include "worker/integrators/shares/shares.h"
 #include "worker/integrators/sphere/sphere.h"
 #include "worker/integrators/upbp/upbp.h"
 #include "worker/integrators/vcm/vcm.h"
@@ -53,7 +54,8 @@ namespace {
 const std::vector<IntegratorEntry>& tool_integrators() {
   static const std::vector<IntegratorEntry> entries = {
       integrator_entry<SphereSettings>(tools::kSphere, &make_sphere_integrator),
-      integrator_entry<VolumeSettings>(tools::kVolume, &make_volume_integrator)};
+      integrator_entry<VolumeSettings>(tools::kVolume, &make_volume_integrator),
+      integrator_entry<SharesSettings>(tools::kShares, &make_shares_integrator)};
   return entries;
 }
 

@@ -104,17 +104,11 @@ Result<void> check_parts(const letters::LayerRequest& request, const WorkPlan& w
   return {};
 }
 
-// Edits that select by more of the path than the vertex, in tools and beside layers.
+// Edits that select by more of the path than the vertex, beside layers.
 Result<void> check_path_edits(const scene::Scene& scene, const JobSettings& settings) {
   const scene::PathEdits* const edits = scene.objects().path_edits.get();
-  if (edits == nullptr) return {};
-  if (tools::paths_of(settings.integrator) != settings.integrator) return edits::not_in_tools();
-  if (settings.layers.empty() || edits->mixed.empty()) return {};
-  return input_error(fmt::format("the surface {} scatters by D and G at once, and edits change it for some "
-                                 "paths only: its letter in layers is not known there",
-                                 edits->mixed))
-      .with_field("edits")
-      .with_mend("render layers and these edits in two jobs, or select from the vertex alone: LX*X{wall}");
+  if (edits == nullptr || edits->mixed.empty() || settings.layers.empty()) return {};
+  return edits::letters_not_known(edits->mixed);
 }
 
 // Adds to the integrator's work the layers of expressions: of chains one for the part of each that the chains
@@ -355,8 +349,7 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   CANDELA_ASSIGN(std::vector<Aov> aov_list, parse_aovs(settings.aovs));
   const bool mattes =
       std::any_of(aov_list.begin(), aov_list.end(), [](const Aov& aov) { return is_matte(aov.kind); });
-  options.named =
-      mattes || !settings.layers.empty() || settings.integrator == tools::kVolume;  // recorded paths
+  options.named = mattes || !settings.layers.empty() || tools::records_paths(settings.integrator);
   work_phase(WorkPhase::building);
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, unpacked, options));
   CANDELA_TRY(check_path_edits(*scene, settings));

@@ -1,13 +1,19 @@
 #include "worker/integrators/volume/recorded_samples.h"
 
-#include "worker/estimators/bidirectional.h"
+#include <variant>
+
+#include "worker/estimators/edited_subpaths.h"
+#include "worker/scene/objects.h"
 
 namespace candela::integrators {
 namespace {
 
-// One form for all scenes.
-using RecordingConfig =
-    estimators::BidirectionalConfig<transport::EdgeContent::media, transport::Balance, RecordingSink>;
+// One form for all scenes, but for those with edits that select by more of the path than the vertex.
+template <bool kE>
+struct RecordingConfig
+    : estimators::BidirectionalConfig<transport::EdgeContent::media, transport::Balance, RecordingSink> {
+  static constexpr bool kEdits = kE;
+};
 
 }  // namespace
 
@@ -20,6 +26,9 @@ Result<estimators::PathOptions> recorded_options(const BdptSettings& settings) {
 }
 
 struct RecordedSamples::Estimator {
+  using Plain = estimators::Bidirectional<RecordingConfig<false>>;
+  using Edited = estimators::Bidirectional<RecordingConfig<true>>;
+
   Estimator(const RecordedLight& recorded, std::uint32_t film_width, double film_pixels,
             const estimators::PathOptions& options, const estimators::Techniques& which, std::uint64_t seed,
             PathConsumer& paths)
@@ -31,8 +40,14 @@ struct RecordedSamples::Estimator {
         sink(of, paths),
         // Samples of a sequence are not independent, which the errors need.
         eye(samplers::SamplerKind::independent, seed),
-        light(samplers::SamplerKind::independent, seed),
-        bidirectional(of.scene, options, techniques, counts, sink, sample_counts) {}
+        light(samplers::SamplerKind::independent, seed) {
+    if (of.scene.objects().path_edits != nullptr)
+      bidirectional.emplace<std::unique_ptr<Edited>>(
+          std::make_unique<Edited>(of.scene, options, techniques, counts, sink, sample_counts));
+    else
+      bidirectional.emplace<std::unique_ptr<Plain>>(
+          std::make_unique<Plain>(of.scene, options, techniques, counts, sink, sample_counts));
+  }
 
   const RecordedLight of;
   const std::uint32_t width;
@@ -41,7 +56,7 @@ struct RecordedSamples::Estimator {
   film::SampleCounts sample_counts;
   RecordingSink sink;
   samplers::Sampler eye, light;
-  estimators::Bidirectional<RecordingConfig> bidirectional;
+  std::variant<std::unique_ptr<Plain>, std::unique_ptr<Edited>> bidirectional;
 };
 
 RecordedSamples::RecordedSamples(const RecordedLight& light, std::uint32_t width, double film_pixels,
@@ -55,7 +70,7 @@ void RecordedSamples::trace(std::uint32_t x, std::uint32_t y, std::uint32_t half
   Estimator& e = *estimator_;
   if (e.techniques.light_paths) {
     e.light.start_light(half, index, std::uint64_t{y} * e.width + x);
-    e.bidirectional.trace_light(e.light);
+    std::visit([&](auto& bidirectional) { bidirectional->trace_light(e.light); }, e.bidirectional);
   }
   e.eye.start(half, index, x, y);
   e.eye.set_dimension(0);
@@ -66,7 +81,7 @@ void RecordedSamples::trace(std::uint32_t x, std::uint32_t y, std::uint32_t half
       scene.camera_ray(static_cast<float>(x) + 0.5f + offset.x, static_cast<float>(y) + 0.5f + offset.y,
                        scene.reads_lens() ? e.eye.next_2d() : Vec2{0.5f, 0.5f}, response);
   e.sink.start_eye(ray, filter_weight * response, e.eye.sample_key());
-  e.bidirectional.trace_eye(ray, e.eye);
+  std::visit([&](auto& bidirectional) { bidirectional->trace_eye(ray, e.eye); }, e.bidirectional);
 }
 
 }  // namespace candela::integrators

@@ -5,12 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/work_monitor.h"
-#include "worker/integrators/bidirectional/plan.h"
-#include "worker/integrators/parallel_tasks.h"
-#include "worker/integrators/planned.h"
 #include "worker/integrators/volume/cell_film.h"
-#include "worker/integrators/volume/recorded_samples.h"
+#include "worker/integrators/volume/recorded_job.h"
 
 namespace candela::integrators {
 namespace {
@@ -28,6 +24,7 @@ class CellSplatter final : public PathConsumer {
                film::SampleCounts& sample_counts)
       : cells_(cells), context_(context), run_(run), film_(film), sample_counts_(sample_counts) {}
 
+  void start(std::uint32_t /*half*/, std::uint64_t /*index*/) {}
   void add(const RecordedPath& path, Spectrum value, std::uint64_t key,
            const transport::ChannelLabels* labels) override {
     if (run_.fault != nullptr) run_.fault(key, &value.r);
@@ -96,51 +93,28 @@ class CellLuminances final : public PathConsumer {
 
 class VolumeIntegrator final : public Integrator {
  public:
-  VolumeIntegrator(const VolumeSettings& settings, const estimators::PathOptions& options, Planned planned)
-      : settings_(settings), options_(options), planned_(std::move(planned)) {}
+  VolumeIntegrator(const VolumeSettings& settings, RecordedJob job)
+      : settings_(settings), job_(std::move(job)) {}
 
   Result<Decision> decide(const UnitContext& context, const RunContext& /*run*/) const override {
     CANDELA_TRY(check_film(context));
-    return Decision{{}, planned_.plan};
+    return Decision{{}, job_.plan()};
   }
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
     CANDELA_TRY(check_film(context));
     film::UnitFilm& film = *output.film;
-    const PixelRect rect = settings_.pixels();
     const Cells cells = cells_of(context);
-    const RecordedLight light = light_of(context, context.letters);
-    constexpr std::uint64_t kPixels = 64;  // of a task
-    return for_each_task((rect.count() + kPixels - 1) / kPixels, film, run_context,
-                         [&](std::uint64_t task, film::SampleCounts& sample_counts) {
-                           CellSplatter splatter(cells, context, run_context, film, sample_counts);
-                           RecordedSamples samples = samples_of(light, context, splatter);
-                           const std::uint64_t begin = task * kPixels,
-                                               end = std::min(begin + kPixels, rect.count());
-                           for (std::uint64_t pixel = begin; pixel < end; ++pixel)
-                             for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
-                               if (run_context.stopped()) return;
-                               trace(samples, rect, pixel, unit.half, index);
-                             }
-                           sample_counts.eye_samples += (end - begin) * (unit.end - unit.begin);
-                         });
+    return job_.run(context, unit, film, run_context, [&](film::SampleCounts& sample_counts) {
+      return CellSplatter(cells, context, run_context, film, sample_counts);
+    });
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
-    const PixelRect rect = settings_.pixels();
     const Cells cells = cells_of(context);
-    const RecordedLight light = light_of(context, nullptr);
     CellLuminances luminances(cells);
-    UnitContext pilot = context;
-    pilot.seed = rng::key(context.seed, 0x70696c6f74ULL);  // "pilot"
-    RecordedSamples samples = samples_of(light, pilot, luminances);
-    for (std::uint32_t i = 0; i < count; ++i) {
-      work_step();
-      rng::Stream place(rng::key(context.seed, 0x706c616365ULL, i));  // "place"
-      const auto pixel = static_cast<std::uint64_t>(place.next_double() * static_cast<double>(rect.count()));
-      trace(samples, rect, pixel, 0, i);
-    }
+    job_.sample_some(context, count, luminances);
     return std::move(luminances).found();
   }
 
@@ -160,35 +134,9 @@ class VolumeIntegrator final : public Integrator {
     cells.grid.high = cells.grid.high - context.scene.offset();
     return cells;
   }
-  RecordedLight light_of(const UnitContext& context, const transport::PathLetters* letters) const {
-    const PixelRect rect = settings_.pixels();
-    return {context.scene,
-            context.filter,
-            rect,
-            static_cast<double>(rect.count()),
-            static_cast<float>(letters::kDefaultGlossyBelow),
-            letters};
-  }
-  RecordedSamples samples_of(const RecordedLight& light, const UnitContext& context,
-                             PathConsumer& paths) const {
-    return {light,
-            static_cast<std::uint32_t>(settings_.film_width),
-            static_cast<double>(settings_.film_width) * settings_.film_height,
-            options_,
-            planned_.techniques,
-            context.seed,
-            paths};
-  }
-  static void trace(RecordedSamples& samples, const PixelRect& rect, std::uint64_t pixel, std::uint32_t half,
-                    std::uint64_t index) {
-    const std::uint64_t width = std::uint64_t{rect.x1} - rect.x0 + 1;
-    samples.trace(static_cast<std::uint32_t>(rect.x0 + pixel % width),
-                  static_cast<std::uint32_t>(rect.y0 + pixel / width), half, index);
-  }
 
   const VolumeSettings settings_;
-  const estimators::PathOptions options_;
-  const Planned planned_;
+  const RecordedJob job_;
 };
 
 }  // namespace
@@ -196,17 +144,10 @@ class VolumeIntegrator final : public Integrator {
 Result<std::unique_ptr<Integrator>> make_volume_integrator(const SettingsMap& settings,
                                                            const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const VolumeSettings parsed, parse_settings<VolumeSettings>(settings));
-  const PixelRect rect = parsed.pixels();
-  if (rect.x0 > rect.x1 || rect.y0 > rect.y1 || parsed.pixel_x1 >= parsed.film_width ||
-      parsed.pixel_y1 >= parsed.film_height)
-    return usage_error("the pixels are not on the film").with_field("pixel_x1");
+  CANDELA_ASSIGN(RecordedJob job, RecordedJob::create(parsed.recorded, features));
   if (!(parsed.low_x < parsed.high_x) || !(parsed.low_y < parsed.high_y) || !(parsed.low_z < parsed.high_z))
     return usage_error("the box is empty").with_field("high_x");
-  scene::SceneFeatures recorded = features;
-  recorded.reads_letters = true;
-  CANDELA_ASSIGN(const estimators::PathOptions options, recorded_options(parsed.bdpt));
-  return std::unique_ptr<Integrator>(std::make_unique<VolumeIntegrator>(
-      parsed, options, bidirectional::plan(options, recorded, parsed.bdpt.common.full_plan())));
+  return std::unique_ptr<Integrator>(std::make_unique<VolumeIntegrator>(parsed, std::move(job)));
 }
 
 }  // namespace candela::integrators

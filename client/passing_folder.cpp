@@ -1,4 +1,4 @@
-#include "client/embedded/passing_folder.h"
+#include "client/passing_folder.h"
 
 #include <stdlib.h>  // mkdtemp
 
