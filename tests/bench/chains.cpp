@@ -3,23 +3,30 @@
 // CPU seconds (user) of rendering alone, those of pilot and bootstrap included; methods in turn for each
 // seed, medians over seeds.
 //
-//   bench_chains SHARED [--scenes A,B] [--methods A,B] [--seeds N] [--rounds N] [--set KEY=VALUE]
-// A method is a row's name, with - for a space. --rounds: of segments; iterations of erpt; iterations of the
-// others are 8 times that. Mitsuba 0.6 on veach-bidir (../shared/peers.md, measured on a machine of this kind
-// on another day): pssmlt over bdpt 0.079 M, over path 0.27 M mutations a CPU second.
+//   bench_chains SHARED [--scenes A,B] [--methods A,B] [--seeds N] [--rounds N | --seconds S] [--set
+//   KEY=VALUE]
+// A scene is a name in SHARED, or a file NAME.xml of the sources; its reference is
+// SHARED/references/NAME.exr. A method is a row's name, with - for a space. --rounds: of segments; iterations
+// of erpt; iterations of the others are 8 times that. --seconds: CPU seconds of a method and seed. Mitsuba
+// 0.6 on veach-bidir (../shared/peers.md, measured on a machine of this kind on another day): pssmlt over
+// bdpt 0.079 M, over path 0.27 M mutations a CPU second.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
+#include <filesystem>
+#include <memory>
 #include <sstream>
 #include <string>
 #include <vector>
 
+#include "common/bundle/gather.h"
 #include "common/image/image.h"
 #include "common/stats/image_error.h"
 #include "tests/bench/count_argument.h"
 #include "tests/integrators.h"
+#include "tests/paths.h"
 #include "tests/statistical/chain_driver.h"
 
 namespace {
@@ -36,7 +43,8 @@ struct Pushed {
 struct Row {
   std::string name, integrator;
   SettingsMap settings;
-  std::vector<double> rates, efficiencies, trimmed;
+  std::vector<double> rates, seconds, efficiencies, trimmed;
+  std::uint64_t rounds = 0;  // or iterations; 0: not known yet
   double acceptance = 0, large_acceptance = 0;
   double mean_bytes = 0;
   std::size_t most_bytes = 0;
@@ -50,6 +58,15 @@ Row row_of(const std::string& name, const std::string& integrator, const Setting
   row.integrator = integrator;
   row.settings = settings;
   return row;
+}
+
+// A scene of the sources.
+TestScene scene_from_source(const std::filesystem::path& file, std::uint32_t width, std::uint32_t height) {
+  TestScene scene;
+  const std::filesystem::path whole = test::source_path(file.string());
+  scene.files = std::make_shared<bundle::DiskSource>(whole.parent_path());
+  scene.main_key = whole.filename();
+  return read_scene(std::move(scene), width, height);
 }
 
 double median(std::vector<double> values) {
@@ -117,18 +134,36 @@ Sample run_iterations(const TestScene& scene, std::uint64_t seed, std::uint64_t 
   const auto renderer = make_renderer(seeded);
   const std::clock_t begin = std::clock();
   const NamedState state = pilot_state(seeded);
+  const std::clock_t pilot_end = std::clock();
   auto output = renderer->make_output(state);
   const auto& film = output.film;
   if (!renderer->run({Unit::Kind::iterations, 0, 0, iterations}, {state, {}, {}}, output, {}).ok())
     std::abort();
-  const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+  const std::clock_t end = std::clock();
   const double to_value = std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(iterations);
   Sample sample;
   for (std::size_t i = 0; i < film->layout().pixel_count() * 3; ++i)
     sample.image.push_back(static_cast<float>(static_cast<double>(film->sums()[i]) * to_value));
   sample.count = static_cast<double>(film->sample_counts().eye_samples);
-  sample.rate_seconds = sample.seconds = seconds;
+  sample.rate_seconds = static_cast<double>(end - pilot_end) / CLOCKS_PER_SEC;
+  sample.seconds = static_cast<double>(end - begin) / CLOCKS_PER_SEC;
   return sample;
+}
+
+// Rounds or iterations that take `seconds`, by the rate of runs of at least an eighth of that.
+std::uint64_t rounds_within(double seconds, Row row, const TestScene& scene) {
+  std::uint64_t n = 1;
+  for (;;) {
+    const Sample sample =
+        test::has_chains(row.integrator) ? run_chains(row, scene, 1000, n) : run_iterations(scene, 1000, n);
+    const double left = seconds - (sample.seconds - sample.rate_seconds);
+    const auto within = [&](double part) {
+      return static_cast<std::uint64_t>(
+          std::clamp(static_cast<double>(n) * part / std::max(sample.rate_seconds, 1e-3), 1.0, 1048576.0));
+    };
+    if (sample.rate_seconds >= seconds / 8 || n == 1048576) return within(std::max(0.0, left));
+    n = std::max(2 * n, std::min(64 * n, within(seconds / 7)));
+  }
 }
 
 std::vector<Row> all_rows() {
@@ -162,14 +197,15 @@ void print_mutations(const std::string& scene, const Row& row) {
 
 int main(int argc, char** argv) {
   const std::string usage =
-      "usage: bench_chains SHARED [--scenes A,B] [--methods A,B] [--seeds N] [--rounds N] [--set k=v]\n";
+      "usage: bench_chains SHARED [--scenes A,B] [--methods A,B] [--seeds N] [--rounds N | --seconds S] "
+      "[--set k=v]\n";
   if (argc < 2 || argc % 2 != 0) {
     std::fputs(usage.c_str(), stderr);
     return 2;
   }
   const std::string folder = argv[1];
   std::vector<std::string> scenes = {"veach-bidir", "veach-ajar"}, methods;
-  std::uint64_t seeds = 3, rounds = 1;
+  std::uint64_t seeds = 3, rounds = 1, seconds = 0;
   SettingsMap chosen;
   for (int i = 2; i + 1 < argc; i += 2) {
     const std::string option = argv[i], value = argv[i + 1];
@@ -182,6 +218,8 @@ int main(int argc, char** argv) {
       seeds = bench::count_argument(option, argv[i + 1], 1, 1e6);
     } else if (option == "--rounds") {
       rounds = bench::count_argument(option, argv[i + 1], 1, 1e6);
+    } else if (option == "--seconds") {
+      seconds = bench::count_argument(option, argv[i + 1], 1, 1e6);
     } else if (option == "--set" && value.find('=') != std::string::npos) {
       chosen[value.substr(0, value.find('='))] = value.substr(value.find('=') + 1);
     } else {
@@ -189,7 +227,9 @@ int main(int argc, char** argv) {
       return 2;
     }
   }
-  for (const std::string& name : scenes) {
+  for (const std::string& asked : scenes) {
+    const std::filesystem::path file = asked;
+    const std::string name = file.stem().string();
     const auto truth = image::read_image(folder + "/references/" + name + ".exr");
     if (!truth.ok()) {
       std::fprintf(stderr, "%s\n", truth.error().to_string().c_str());
@@ -201,27 +241,32 @@ int main(int argc, char** argv) {
         rows.push_back(row);
     for (std::uint64_t seed = 1; seed <= seeds; ++seed)
       for (Row& row : rows) {
-        TestScene scene = scene_from_shared(name, truth->width, truth->height);
+        TestScene scene = file.extension() == ".xml" ? scene_from_source(file, truth->width, truth->height)
+                                                     : scene_from_shared(name, truth->width, truth->height);
         const bool chained = test::has_chains(row.integrator);
         const bool taken = chained || row.integrator == "erpt";
         SettingsMap settings = row.settings;
         if (taken)
           for (const auto& [key, value] : chosen) settings[key] = value;
         scene = with_integrator(scene, row.integrator, settings);
+        if (row.rounds == 0)
+          row.rounds = seconds > 0 ? rounds_within(static_cast<double>(seconds), row, scene)
+                       : taken     ? rounds
+                                   : 8 * rounds;
         const Sample sample =
-            chained ? run_chains(row, scene, seed, rounds)
-                    : run_iterations(scene, seed, row.integrator == "erpt" ? rounds : 8 * rounds);
+            chained ? run_chains(row, scene, seed, row.rounds) : run_iterations(scene, seed, row.rounds);
+        row.seconds.push_back(sample.seconds);
         const auto error = stats::compare(sample.image, truth->rgb, truth->width, truth->height);
         row.rates.push_back(sample.count / sample.rate_seconds * 1e-6);
         row.efficiencies.push_back(error.relmse * sample.seconds);
         row.trimmed.push_back(error.relmse_trimmed * sample.seconds);
       }
-    std::printf("%-12s %-12s %9s %22s %8s %8s %14s\n", "scene", "", "M/CPU s", "relMSE x CPU s (trim)",
-                "accept", "large", "state bytes");
+    std::printf("%-12s %-12s %9s %8s %22s %8s %8s %14s\n", "scene", "", "M/CPU s", "CPU s",
+                "relMSE x CPU s (trim)", "accept", "large", "state bytes");
     for (const Row& row : rows)
-      std::printf("%-12s %-12s %9.3f %12.4f (%7.4f) %8.3f %8.3f %6.0f (%5zu)\n", name.c_str(),
-                  row.name.c_str(), median(row.rates), median(row.efficiencies), median(row.trimmed),
-                  row.acceptance, row.large_acceptance, row.mean_bytes, row.most_bytes);
+      std::printf("%-12s %-12s %9.3f %8.2f %12.4f (%7.4f) %8.3f %8.3f %6.0f (%5zu)\n", name.c_str(),
+                  row.name.c_str(), median(row.rates), median(row.seconds), median(row.efficiencies),
+                  median(row.trimmed), row.acceptance, row.large_acceptance, row.mean_bytes, row.most_bytes);
     for (const Row& row : rows) print_mutations(name, row);
     for (const Row& row : rows)
       for (const Pushed& p : row.pushed)

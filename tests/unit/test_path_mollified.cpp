@@ -233,7 +233,7 @@ TEST(MollifiedPaths, IndependentPathsHaveTheLightOfBdpt) {
     // By bdpt, regularise_layer=true; standard errors are at most 0.4 %.
     double mollified, regular;
   };
-  for (const Light& one : {Light{plastic_room(), 0.011625, 0.14193}, Light{mixed_room(), 0.1842, 0.1326}}) {
+  for (const Light& one : {Light{plastic_room(), 0.011625, 0.14193}, Light{mixed_room(), 0.1842, 0.1384}}) {
     const auto scene = scene_of(one.room);
     PathSpace space({*scene, kSide, kSide, 0, 2, 4, 0.3 * static_cast<double>(scene->features().radius)}, {});
     statistical::Moments mollified, regular;
