@@ -25,14 +25,22 @@ struct CompareOptions {
   bool json = false;
 };
 
+// Number of values that are no variance.
+std::ptrdiff_t count_invalid(const std::vector<float>& variance) {
+  return std::ranges::count_if(variance, [](float v) { return !std::isfinite(v) || v < 0; });
+}
+
 // The variance of each value, if the file has it: its layer 'variance', or the squares of its layer 'error'.
+// An image of one iteration has such a layer without a number.
 std::vector<float> read_variance(const std::string& path) {
-  const auto layer = [&](std::string_view name) { return image::read_layer(path, std::string(name)); };
-  if (auto variance = layer(kVarianceLayer); variance.ok()) return std::move(variance->rgb);
-  auto error = layer(kErrorLayer);
-  if (!error.ok()) return {};
-  for (float& value : error->rgb) value *= value;
-  return std::move(error->rgb);
+  auto layer = image::read_layer(path, std::string(kVarianceLayer));
+  if (!layer.ok()) {
+    layer = image::read_layer(path, std::string(kErrorLayer));
+    if (!layer.ok()) return {};
+    for (float& value : layer->rgb) value *= value;
+  }
+  if (count_invalid(layer->rgb) == std::ssize(layer->rgb)) return {};
+  return std::move(layer->rgb);
 }
 
 float luminance(const float* rgb) {
@@ -110,7 +118,8 @@ Result<int> run_compare(Context& context, const CompareOptions& options) {
                                p.relative_squared_error, p.a[0], p.a[1], p.a[2], p.b[0], p.b[1], p.b[2]);
   if (!known) {
     context.out
-        << "noise       not known: neither file has a layer 'variance' or 'error' (--variance-layer)\n";
+        << "noise       not known: neither file has a layer 'variance' or 'error' with numbers (render "
+           "with --variance-layer, and 2 iterations or more)\n";
     return 0;
   }
   context.out << fmt::format(
@@ -120,6 +129,11 @@ Result<int> run_compare(Context& context, const CompareOptions& options) {
   if (has_a != has_b)
     context.out << fmt::format("            {} tells no variance: it is taken as exact\n",
                                printable(has_a ? options.b : options.a));
+  for (const auto& [path, variance] : {std::pair(&options.a, &variance_a), {&options.b, &variance_b}})
+    if (const std::ptrdiff_t invalid = count_invalid(*variance); invalid > 0)
+      context.out << fmt::format(
+          "            {}: {} values of the variance are negative or no number: they are taken as exact\n",
+          printable(*path), invalid);
   if (correlated(a) || correlated(b))
     context.out << "            photons and chains correlate pixels: standard errors and p are too small\n";
   const std::size_t differing = d.differing.size();

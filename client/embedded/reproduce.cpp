@@ -121,6 +121,13 @@ std::string text_of(const SettingsMap& settings) {
   return out;
 }
 
+// A relative path of an image that was moved leads nowhere.
+Result<void> check_place(const std::string& scene) {
+  std::error_code error;
+  if (std::filesystem::exists(scene, error)) return {};
+  return input_error("the image's scene is not there").at(scene, 0).with_mend("give it by --scene PATH");
+}
+
 // Fails unless the scene loaded here is the one that the image was made of.
 Result<void> check_scene(const LoadedScene& scene, const Origin& origin) {
   if (scene.gathered.bundle.hash() != origin.text("bundle"))
@@ -166,6 +173,11 @@ Result<int> print_command(Context& context, const ReproduceOptions& options, con
   if (std::find(isas.begin(), isas.end(), origin.command.settings.isa) == isas.end())
     context.err << fmt::format("candela: warning: this machine has no {}: render it on a farm that has\n",
                                printable(origin.command.settings.isa));
+  const auto there = check_place(origin.command.scene);
+  if (!there) {
+    warn(there.error());
+    return 0;
+  }
   const auto scene = load_scene(scene_options(origin.command), context.facts);
   if (!scene)
     warn(scene.error());
@@ -231,6 +243,7 @@ Result<int> run_reproduce(Context& context, const ReproduceOptions& options) {
   if (options.output && std::filesystem::equivalent(*options.output, options.image, error))
     return usage_error("the image would be overwritten that is to be compared").with_field("--output");
   warn_of_build(context.err, origin);
+  CANDELA_TRY(check_place(origin.command.scene));
   PassingFolder folder;
   if (!options.output) {
     CANDELA_ASSIGN(folder, PassingFolder::make());

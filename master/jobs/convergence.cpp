@@ -29,7 +29,8 @@ void append_convergence(const std::filesystem::path& job_folder, const Convergen
   const std::uintmax_t size = std::filesystem::file_size(file_in(job_folder), error);
   if (!error && size > kMaxFileBytes) return;
   std::ofstream out(file_in(job_folder), std::ios::app);
-  out << fmt::format("{} {:.3f} {:.6g} {:.6g}\n", point.iterations, point.elapsed_seconds, point.relmse,
+  // All digits: a master that starts again shows this upper end.
+  out << fmt::format("{} {:.3f} {} {}\n", point.iterations, point.elapsed_seconds, point.relmse,
                      point.relmse_upper);
 }
 

@@ -3,7 +3,9 @@
 #include <unistd.h>
 
 #include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <sstream>
 
 #include "client/embedded/app.h"
@@ -25,10 +27,13 @@ class Compare : public testing::Test {
 
   // A 32 x 16 image of one value, brighter by `step` in its right block, each value with `variance`.
   std::string write(const std::string& name, float value, float step, const std::string& layer,
-                    float variance) const {
+                    float variance, std::optional<float> right_variance = std::nullopt) const {
     std::vector<float> rgb(32 * 16 * 3, value), noise(rgb.size(), variance);
     for (std::size_t i = 0; i < rgb.size(); ++i)
-      if (i / 3 % 32 >= 16) rgb[i] += step;
+      if (i / 3 % 32 >= 16) {
+        rgb[i] += step;
+        noise[i] = right_variance.value_or(variance);
+      }
     std::vector<image::Layer> layers;
     if (!layer.empty()) layers.push_back({layer, noise, {}});
     const auto bytes = image::encode_exr(32, 16, rgb, {}, layers);
@@ -67,6 +72,29 @@ TEST_F(Compare, TellsNoiseFromDifference) {
   const Outcome without = run({b, b, "--json"});
   EXPECT_TRUE(nlohmann::json::parse(without.out).at("noise").is_null());
   EXPECT_NE(run({b, b}).out.find("--variance-layer"), std::string::npos);
+}
+
+// Claim: a layer of variance without a number, as of one iteration, is none: no block differs for want of it.
+// Where some of its values are none, a line tells how many count as exact.
+TEST_F(Compare, VarianceThatIsNoneIsTold) {
+  constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+  const std::string a = write("a.exr", 1, 0.5F, "variance", kNone), b = write("b.exr", 1, 0, "", 0),
+                    c = write("c.exr", 1, 0, "variance", 1);
+  EXPECT_TRUE(nlohmann::json::parse(run({a, b, "--json"}).out).at("noise").is_null());
+  EXPECT_NE(run({a, b}).out.find("noise       not known"), std::string::npos);
+  const auto noise = nlohmann::json::parse(run({a, c, "--json"}).out).at("noise");
+  EXPECT_FALSE(noise.at("variance_known").get<bool>());
+  EXPECT_TRUE(noise.at("reference_variance_known").get<bool>());
+  const Outcome text = run({a, c});
+  EXPECT_NE(text.out.find("a.exr tells no variance: it is taken as exact"), std::string::npos) << text.out;
+
+  const std::string some = write("some.exr", 1, 0, "variance", 1, kNone);
+  EXPECT_NE(
+      run({c, some}).out.find("some.exr: 768 values of the variance are negative or no number: they are "
+                              "taken as exact"),
+      std::string::npos)
+      << run({c, some}).out;
+  EXPECT_EQ(run({c, c}).out.find("no number"), std::string::npos);
 }
 
 // Claim: the picture is black where images are equal, red where the image is brighter, blue where darker.

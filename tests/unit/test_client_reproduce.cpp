@@ -150,9 +150,11 @@ TEST_F(ReproduceTest, WhatIsMissingIsTold) {
   fs::rename(in_folder("scene.xml"), in_folder("moved/scene.xml"));
   Outcome r = run({"reproduce", file});
   EXPECT_EQ(r.code, 0);
-  EXPECT_NE(r.err.find("scene.xml"), std::string::npos) << r.err;
+  const std::string gone = "scene.xml: the image's scene is not there (give it by --scene PATH)";
+  EXPECT_NE(r.err.find(gone), std::string::npos) << r.err;
   r = run({"reproduce", file, "--run", "--quiet"});
   EXPECT_EQ(r.code, 2);
+  EXPECT_NE(r.err.find(gone), std::string::npos) << r.err;
   r = run({"reproduce", file, "--scene", in_folder("moved/scene.xml")});
   EXPECT_EQ(r.err, "");
   EXPECT_NE(r.out.find(in_folder("moved/scene.xml")), std::string::npos);

@@ -14,13 +14,14 @@
 namespace candela::master {
 namespace {
 
-// Claim: what was appended is read in order; a line that a crash cut is passed over, and iterations that were
-// lost and rendered again count once, by their newer estimates.
+// Claim: what was appended is read in order, errors to the last bit: a master that starts again shows the
+// upper end that it showed before. A line that a crash cut is passed over, and iterations that were lost and
+// rendered again count once, by their newer estimates.
 TEST(ConvergenceFile, CutLinesAndLostIterationsArePassedOver) {
   const test::TemporaryFolder folder;
   const std::filesystem::path job = folder.path() / "j1";
   EXPECT_TRUE(read_convergence(job).empty());
-  append_convergence(job, {2, 1, 0.5, 0.75});
+  append_convergence(job, {2, 1, 0.1 / 3, 0.2 / 3});
   append_convergence(job, {4, 2, std::nan("")});
   append_convergence(job, {8, 3, 0.125});
   append_convergence(job, {16, 4, 0.06});
@@ -32,7 +33,8 @@ TEST(ConvergenceFile, CutLinesAndLostIterationsArePassedOver) {
   EXPECT_EQ(points[1].iterations, 8U);
   EXPECT_EQ(points[1].elapsed_seconds, 9);
   EXPECT_EQ(points[1].relmse, 0.25);
-  EXPECT_EQ(points[0].relmse_upper, 0.75);
+  EXPECT_EQ(points[0].relmse, 0.1 / 3);
+  EXPECT_EQ(points[0].relmse_upper, 0.2 / 3);
   EXPECT_TRUE(std::isnan(points[1].relmse_upper));
 }
 
