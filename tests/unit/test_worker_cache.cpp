@@ -13,6 +13,7 @@
 #include "common/rng/stream.h"
 #include "tests/temporary_folder.h"
 #include "worker/service/blob_cache.h"
+#include "worker/service/scene_store.h"
 
 namespace candela::worker {
 namespace {
@@ -64,6 +65,29 @@ TEST_F(BlobCacheTest, FetchedOnce) {
   const auto empty = get(*later, "");
   ASSERT_TRUE(empty.ok());
   EXPECT_TRUE(empty->bytes.empty());
+}
+
+// Claim: a bundle's file that is opened twice is read once, and a third time anew; what is released is read
+// anew.
+TEST_F(BlobCacheTest, ABundleKeepsAFileForTheNextOpen) {
+  auto cache = open(1 << 20);
+  const std::string content(1000, 'a');
+  bundle::Bundle bundle;
+  bundle.files.push_back({"mesh.ply", sha256_hex(content), content.size()});
+  const BlobCache::Fetch fetch = serve(content);
+  BundleSource source(bundle, *cache, fetch);
+  const fs::path path = cache->path_of(sha256_hex(content));
+  EXPECT_EQ(source.open("mesh.ply")->view, content);
+  fs::remove(path);
+  EXPECT_EQ(source.open("mesh.ply")->view, content);
+  EXPECT_EQ(fetches_, 1);
+  EXPECT_EQ(source.open("mesh.ply")->view, content);
+  EXPECT_EQ(fetches_, 2);
+  fs::remove(path);
+  source.release();
+  EXPECT_EQ(source.open("mesh.ply")->view, content);
+  EXPECT_EQ(fetches_, 3);
+  EXPECT_FALSE(source.open("other.ply").ok());
 }
 
 // Claim: bytes that do not have the name's hash, or another length, are refused and leave nothing behind.

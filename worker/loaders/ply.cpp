@@ -245,6 +245,13 @@ class Reader {
     }
   }
 
+  // True for rows of the most common kind: floats of this machine's byte order without attributes.
+  bool plain_floats(const Element& element) const {
+    return !header_.big_endian &&
+           std::all_of(element.properties.begin(), element.properties.end(),
+                       [](const Property& p) { return !p.list && p.type == Type::f32 && p.column < 0; });
+  }
+
   Result<void> binary_vertices(const Element& element) {
     const std::size_t size = element.least_size();
     if (!holds(element.count, size)) return truncated(element);
@@ -261,8 +268,17 @@ class Reader {
       return {};
     }
     const char* rows = bytes_.data() + at_;
+    const bool plain = plain_floats(element);
     const std::size_t bad = first_where(count, [&](std::size_t i) {
       Row row;
+      if (plain) {
+        const char* at = rows + i * size;
+        for (const Property& p : element.properties) {
+          if (p.role != Role::none) row[p.role] = static_cast<double>(read_as<float>(at, false));
+          at += sizeof(float);
+        }
+        return !set_vertex(i, row);
+      }
       Columns columns;
       row.columns = columns.data();
       read_row(rows + i * size, element, header_.big_endian, row);
@@ -351,8 +367,19 @@ class Reader {
     const char* rows = bytes_.data() + at_;
     const std::size_t count_size = size_of(corners->count_type), index_size = size_of(corners->type);
     mesh_.triangles.resize(count);
+    // The most common types; a negative index is a large one without its sign.
+    const bool plain = !header_.big_endian && corners->count_type == Type::u8 &&
+                       (corners->type == Type::i32 || corners->type == Type::u32);
+    const std::uint64_t index_end = std::uint64_t{1} << (corners->type == Type::i32 ? 31 : 32);
+    const std::uint64_t below = std::min(vertices_->count, index_end);
     const std::size_t bad = first_where(count, [&](std::size_t i) {
       const char* at = rows + i * size + before;
+      if (plain) {
+        auto& triangle = mesh_.triangles[i];
+        std::memcpy(triangle.data(), at + 1, sizeof triangle);
+        return static_cast<unsigned char>(*at) != 3 ||
+               std::max({triangle[0], triangle[1], triangle[2]}) >= below;
+      }
       if (read_value<std::int64_t>(at, corners->count_type, header_.big_endian) != 3) return true;
       at += count_size;
       for (std::uint32_t& corner : mesh_.triangles[i]) {

@@ -23,13 +23,30 @@ Result<void> BundleSource::prepare() {
 Result<BundleSource::Bytes> BundleSource::open(const std::string& key) const {
   const bundle::File* file = bundle_.find(key);
   if (file == nullptr) return input_error(fmt::format("the bundle has no file '{}'", key)).at(key, 0);
+  {
+    const Lock lock(mutex_);
+    if (auto found = kept_.extract(key)) {
+      kept_bytes_ -= found.mapped().view.size();
+      return std::move(found.mapped());
+    }
+  }
   auto mapped = cache_.map(file->sha256, file->size_bytes, fetch_);
   if (!mapped) {
     const Lock lock(mutex_);
     if (!cache_error_) cache_error_ = mapped.error();
     return std::move(mapped).error();
   }
-  return Bytes{std::move(mapped->owner), mapped->bytes};
+  Bytes bytes{std::move(mapped->owner), mapped->bytes};
+  const Lock lock(mutex_);
+  if (bytes.view.size() <= kKeptBytes - kept_bytes_ && kept_.try_emplace(key, bytes).second)
+    kept_bytes_ += bytes.view.size();
+  return bytes;
+}
+
+void BundleSource::release() {
+  const Lock lock(mutex_);
+  kept_.clear();
+  kept_bytes_ = 0;
 }
 
 std::optional<Error> BundleSource::cache_error() const {
@@ -111,6 +128,7 @@ std::variant<std::shared_ptr<const SceneStore::Scene>, SceneStore::Failure> Scen
     if (const auto error = source.cache_error()) return Failure{*error, cause_of_fetching(*error)};
     return Failure{renderer.error(), cause_of_rendering(renderer.error())};
   }
+  source.release();
   auto scene = std::make_shared<Scene>();
   scene->bundle_sha256 = bundle.hash();
   scene->key = key(scene->bundle_sha256, settings);

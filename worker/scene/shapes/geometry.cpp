@@ -22,8 +22,9 @@ namespace {
 
 constexpr double kPlaneErrorFactor = 6;
 
-Triangle make_triangle(Vec3 v0, Vec3 v1, Vec3 v2) {
-  Triangle t;
+// In place, as the loop below reads the corners: a copy would be read back in wider pieces than it was stored
+// in, and the processor would wait.
+void set_corners(Triangle& t, Vec3 v0, Vec3 v1, Vec3 v2) {
   t.v0 = v0;
   t.v1 = v1;
   t.v2 = v2;
@@ -36,7 +37,6 @@ Triangle make_triangle(Vec3 v0, Vec3 v1, Vec3 v2) {
   const double sliver = std::min(longest * longest / length(n), 1e3);
   t.plane_error =
       static_cast<float>(static_cast<double>(kHalfUlp) * kPlaneErrorFactor * longest * (1 + sliver / 4));
-  return t;
 }
 
 // The tangent frame along dp/du, made orthogonal to n; any frame where the parameterization is degenerate.
@@ -227,20 +227,27 @@ void finish_vertices(Geometry& geometry) {
 }
 
 void make_triangles(Geometry& geometry) {
-  std::vector<Triangle> made(geometry.indices.size());
+  // The array grows by parts that stay in a cache until they are filled: memory is written once.
+  const std::size_t part = loaders::kGrain * std::max<std::size_t>(1, loaders::thread_count());
+  std::vector<Triangle> made;
+  made.reserve(geometry.indices.size());
   for (const Triangle& start : geometry.triangles) {
-    const std::uint32_t first = geometry.shapes[start.shape].first_triangle;
-    loaders::for_ranges(geometry.shapes[start.shape].triangle_count, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = first + begin; i < first + end; ++i) {
-        const auto [v0, v1, v2] = corners_of(geometry, static_cast<std::uint32_t>(i));
-        Triangle& triangle = made[i];
-        triangle = make_triangle(v0, v1, v2);
-        triangle.shape = start.shape;
-        triangle.smooth = start.smooth;
-        triangle.mapped = start.mapped;
-        triangle.partials = start.partials;
-      }
-    });
+    const ShapeRecord& shape = geometry.shapes[start.shape];
+    const std::size_t end_of_shape = std::size_t{shape.first_triangle} + shape.triangle_count;
+    for (std::size_t first = shape.first_triangle; first < end_of_shape; first = made.size()) {
+      made.resize(std::min(first + part, end_of_shape));
+      loaders::for_ranges(made.size() - first, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t i = first + begin; i < first + end; ++i) {
+          const auto& v = geometry.indices[i];
+          Triangle& triangle = made[i];
+          set_corners(triangle, geometry.positions[v[0]], geometry.positions[v[1]], geometry.positions[v[2]]);
+          triangle.shape = start.shape;
+          triangle.smooth = start.smooth;
+          triangle.mapped = start.mapped;
+          triangle.partials = start.partials;
+        }
+      });
+    }
   }
   geometry.triangles = std::move(made);
 }
@@ -252,8 +259,14 @@ void Geometry::finish() {
 
 void Geometry::triangle_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) const {
   const Triangle& t = triangles[index];
+  // In a large scene the record, the indices and the normals are each far away in memory. What is read at the
+  // end is asked for at the start: the processor does not look so far ahead.
+  __builtin_prefetch(&indices[index]);
   const Vec3d v0(t.v0), e1 = Vec3d(t.v1) - v0, e2 = Vec3d(t.v2) - v0, d(ray.direction),
                         s = Vec3d(ray.origin) - v0;
+  if (t.smooth) {
+    for (const std::uint32_t v : indices[index]) __builtin_prefetch(&normals[v]);
+  }
   // Moeller and Trumbore 1997, in double. Embree says that the ray meets the triangle; what rounding leaves
   // outside is clamped onto it.
   const Vec3d n = cross(e1, e2);
