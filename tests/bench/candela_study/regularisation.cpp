@@ -39,15 +39,16 @@ constexpr const char* kHiddenReferenceRadius = "0.012";
 
 const std::vector<Method>& hidden_methods() {
   static const SettingsMap on = {{"regularise", "on"}};
+  static const SettingsMap chains_on = {{"regularise", "on"}, {"bootstrap", "20000"}};
   static const std::vector<Method> all = {
       {"path", "path", {}},
       {"path, regularise", "path", on},
       {"bdpt", "bdpt", {}},
       {"bdpt, regularise", "bdpt", on},
       {"bdpt, regularise, radius 5 %", "bdpt", {{"regularise", "on"}, {"regularise_radius", "0.05"}}},
-      {"pssmlt, regularise", "pssmlt", on},
-      {"mmlt, regularise", "mmlt", on},
-      {"mlt, regularise", "mlt", {{"regularise", "on"}, {"direct", "chain"}}},
+      {"pssmlt, regularise", "pssmlt", chains_on},
+      {"mmlt, regularise", "mmlt", chains_on},
+      {"mlt, regularise", "mlt", {{"regularise", "on"}, {"bootstrap", "20000"}, {"direct", "chain"}}},
       {"ppm", "ppm", {}},
       {"vcm", "vcm", {}},
       {"mcppm", "mcppm", {}},
@@ -57,11 +58,12 @@ const std::vector<Method>& hidden_methods() {
 
 struct HiddenSizes {
   std::uint32_t side;
-  double seconds;                 // of a method
+  double seconds_a_pixel;         // of a method
   std::uint64_t reference_share;  // of the references' iterations: 1 / this
+  double seconds() const { return seconds_a_pixel * side * side; }
 };
 HiddenSizes hidden_sizes(const Request& request) {
-  HiddenSizes sizes = request.short_form ? HiddenSizes{12, 0.05, 128} : HiddenSizes{48, 3, 1};
+  HiddenSizes sizes = request.short_form ? HiddenSizes{12, 0.00035, 128} : HiddenSizes{24, 0.0052, 1};
   if (request.side != 0) sizes.side = request.side;
   return sizes;
 }
@@ -122,19 +124,22 @@ class HiddenTable {
                    render::complete_integrator_settings(method.integrator, {}, method.settings));
     return static_cast<std::uint64_t>(std::stoull(settings.at("chains")));
   }
-  // Rounds in the study's seconds, a multiple of 2^(kHiddenLevels - 1).
+  // Rounds in the study's seconds, a multiple of 2^(kHiddenLevels - 1). Chains have a bootstrap before the
+  // first round.
   Result<std::uint64_t> rounds_of(const Method& method, std::uint64_t round) const {
     constexpr std::uint64_t kMin = 1 << (kHiddenLevels - 1);
     CANDELA_ASSIGN(const auto estimator, start(method, 1));
-    std::uint64_t rounds = 0;
-    double seconds = 0;
-    while (seconds < sizes_.seconds / 8) {
-      rounds = std::max<std::uint64_t>(1, 2 * rounds);
+    CANDELA_ASSIGN(const bench::Cost first, estimator->advance(round));
+    std::uint64_t rounds = 1;
+    double seconds = 0;  // of the rounds after the first
+    while (seconds < sizes_.seconds() / 8) {
+      rounds *= 2;
       CANDELA_ASSIGN(const bench::Cost cost, estimator->advance(rounds * round));
-      seconds = cost.cpu_seconds;
+      seconds = cost.cpu_seconds - first.cpu_seconds;
     }
-    const auto all = static_cast<std::uint64_t>(static_cast<double>(rounds) * sizes_.seconds / seconds);
-    return std::max(kMin, all / kMin * kMin);
+    const double each = seconds / static_cast<double>(rounds - 1);
+    const double left = std::max(0.0, sizes_.seconds() - first.cpu_seconds);
+    return std::max(kMin, static_cast<std::uint64_t>(left / each) / kMin * kMin);
   }
 
   Result<void> measure(const Method& method, const Truth& truth) {
