@@ -313,8 +313,8 @@ void PrintTo(const Goal& goal, std::ostream* out) {
 class Goals : public testing::TestWithParam<Goal> {};
 
 // Claim: a job that ends by its error ends at the same iterations, with the same pixels and metadata, on any
-// workers, also when workers and the master die on the way. Attributes "candela:run:*" may differ: a master may
-// decide the state of an epoch of which the image has no iteration.
+// workers, also when workers and the master die on the way. Attributes "candela:run:*" may differ: a master
+// may decide the state of an epoch of which the image has no iteration.
 TEST_P(Goals, SameStopSamePixels) {
   constexpr std::uint64_t kMax =
       50'000;  // iterations, which no job here has before its error is small enough
