@@ -20,7 +20,7 @@ std::string submitted_group_json(const std::string& id, std::size_t frames, std:
 }
 
 std::string comparison_json(const stats::ImageComparison& c, const stats::ImageDifference* d,
-                            bool has_variance, bool reference_has_variance) {
+                            KnownVariance variance, KnownVariance reference) {
   const auto rgb = [](const auto& v) { return Json{finite(v[0]), finite(v[1]), finite(v[2])}; };
   Json worst = Json::array();
   for (const auto& pixel : c.worst)
@@ -46,8 +46,10 @@ std::string comparison_json(const stats::ImageComparison& c, const stats::ImageD
                         {"p", block.p},
                         {"mean", rgb(block.a)},
                         {"mean_reference", rgb(block.b)}});
-    noise = {{"variance_known", has_variance},
-             {"reference_variance_known", reference_has_variance},
+    noise = {{"variance_known", variance.known},
+             {"reference_variance_known", reference.known},
+             {"invalid_variances", variance.invalid},
+             {"invalid_reference_variances", reference.invalid},
              {"mean", figure(c.mean_a, n.mean_a)},
              {"mean_reference", figure(c.mean_b, n.mean_b)},
              {"mean_ratio", figure(c.mean_ratio, n.mean_ratio)},

@@ -12,10 +12,15 @@ namespace candela::client {
 std::string submitted_group_json(const std::string& id, std::size_t frames, std::size_t existed,
                                  std::uint64_t uploaded_bytes);
 std::string submitted_json(const std::string& id, bool existed, std::uint64_t uploaded_bytes);
-// `difference`: null where neither file has variances.
+// The layer of variance of a file: whether it has one, and how many of its values are no variance.
+struct KnownVariance {
+  bool known = false;
+  std::ptrdiff_t invalid = 0;
+};
+// `difference`: null if neither file has variances.
 std::string comparison_json(const stats::ImageComparison& comparison,
-                            const stats::ImageDifference* difference, bool has_variance,
-                            bool reference_has_variance);
+                            const stats::ImageDifference* difference, KnownVariance variance,
+                            KnownVariance reference);
 std::string version_json();
 std::string plan_json(const std::string& integrator, const std::map<std::string, std::string>& settings,
                       const std::string& plan);

@@ -146,7 +146,7 @@ Result<Farm::RestoredFilm> Farm::restore_film(JobRow& row, RestoredStages& resto
   out.film = table_->make_film(row);
   CANDELA_ASSIGN(const JobFilm::Loading loading, out.film->ensure_loaded());
   out.trouble = loading.trouble;
-  if (row.chains) row.chain_summary = chains::summarise(row.bootstrap, out.film->chain_counts());
+  if (auto summary = out.film->chain_summary(row.bootstrap)) row.chain_summary = std::move(*summary);
   restored.record_bytes = out.film->largest_record_bytes();
   // The store may lag behind the film after a power cut.
   for (const DecidedState& state : out.film->states())

@@ -103,7 +103,9 @@ Result<int> run_compare(Context& context, const CompareOptions& options) {
       known ? stats::difference(a.rgb, variance_a, b.rgb, variance_b, a.width, a.height)
             : stats::ImageDifference{};
   if (options.json) {
-    context.out << comparison_json(c, known ? &d : nullptr, has_a, has_b) << '\n';
+    context.out << comparison_json(c, known ? &d : nullptr, {has_a, count_invalid(variance_a)},
+                                   {has_b, count_invalid(variance_b)})
+                << '\n';
     return 0;
   }
   context.out << fmt::format(

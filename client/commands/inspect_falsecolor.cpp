@@ -172,7 +172,7 @@ void add_falsecolor(CLI::App& inspect, Context& context) {
       ->type_name("IN");
   sub->add_option("-o,--output", options->output, "The PNG to write")->required()->type_name("OUT");
   add_text(*sub, "--layer", options->layer,
-           "Show this layer in place of the image, such as error, variance or an AOV", "NAME");
+           "Show this layer in place of the image, such as error, irradiance or an AOV", "NAME");
   add_text(*sub, "--channel", options->channel,
            "Channel: R, G, B, X, Y, Z, U, V, I, luminance or length (of a vector); default: the only "
            "channel, else luminance, else length",

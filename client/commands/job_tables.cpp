@@ -93,7 +93,7 @@ template <class Line>
 void print_chains(Line&& line, const v1::JobStatus& s) {
   const v1::ChainStatus& c = s.chains();
   if (!c.has_plan()) {
-    line("mutations", "of short chains");
+    line("mutations", "in short chains of each iteration");
     print_mutations(line, c);
     return;
   }

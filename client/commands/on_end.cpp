@@ -83,7 +83,7 @@ void add_on_end(CLI::App& app, std::optional<std::string>& command) {
   add_text(
       app, "--on-end", command,
       "Run this by /bin/sh when the job or group has ended and its image is written, with CANDELA_JOB_ID, "
-      "CANDELA_JOB_NAME, CANDELA_JOB_STATE and, after a failure, CANDELA_JOB_ERROR",
+      "CANDELA_JOB_NAME, CANDELA_JOB_STATE and, after a failure, CANDELA_JOB_ERROR; `submit` needs --wait",
       "COMMAND")
       ->check([](const std::string& text) {
         return text.find_first_not_of(" \t\n") == std::string::npos ? "the command is empty" : std::string();

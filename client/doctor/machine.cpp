@@ -79,7 +79,7 @@ unsigned usable_processors() {
 }  // namespace
 
 std::string_view name(Diagnosis::State state) {
-  return name_of_value({"ok", "skipped", "warning", "broken"}, state, "broken");
+  return name_of_value<Diagnosis::State::broken>({"ok", "skipped", "warning", "broken"}, state, "broken");
 }
 
 Diagnosis check_program() {

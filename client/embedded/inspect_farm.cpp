@@ -9,6 +9,7 @@
 #include "client/passing_folder.h"
 #include "client/submission.h"
 #include "client/values.h"
+#include "common/film/counts.h"
 
 namespace candela::client {
 
@@ -34,7 +35,10 @@ Result<JobFile> run_job_to(Context& context, const FarmOptions& options, Inspect
   CANDELA_ASSIGN(made.code, wait_for_job(context, *farm, submitted.job_id, wait));
   if (made.code != 0) return made;
   CANDELA_ASSIGN(const v1::JobStatus status, farm->get_job(submitted.job_id));
-  for (const v1::RejectedSamples& rejected : status.rejected()) made.rejected += rejected.count();
+  for (const v1::RejectedSamples& rejected : status.rejected())
+    if (rejected.cause() == film::name(film::RejectCause::not_a_number) ||
+        rejected.cause() == film::name(film::RejectCause::infinite))
+      made.not_finite += rejected.count();
   return made;
 }
 
@@ -47,7 +51,7 @@ Result<JobImage> run_inspect_job(Context& context, const FarmOptions& options, I
                  run_job_to(context, options, std::move(job), std::move(scene), file));
   JobImage made;
   made.code = job_file.code;
-  made.rejected = job_file.rejected;
+  made.not_finite = job_file.not_finite;
   if (made.code != 0) return made;
   CANDELA_ASSIGN(made.image, session.selects()
                                  ? image::read_layer(file, session.request().layers.front().name)

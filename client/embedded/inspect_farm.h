@@ -19,14 +19,14 @@ struct InspectJob {
 };
 
 struct JobImage {
-  int code = 0;                // 0, the job's exit code, or 128+n where a signal ended the waiting
-  image::Image image;          // if the code is 0: of the light that the session selects
-  std::uint64_t rejected = 0;  // samples
+  int code = 0;                  // 0, the job's exit code, or 128+n if a signal ended the waiting
+  image::Image image;            // if the code is 0: of the light that the session selects
+  std::uint64_t not_finite = 0;  // rejected samples
 };
 
 struct JobFile {
-  int code = 0;                // as JobImage has it
-  std::uint64_t rejected = 0;  // samples
+  int code = 0;                  // 0, the job's, or 128+n if a signal ended the waiting
+  std::uint64_t not_finite = 0;  // rejected samples
 };
 
 // Submits the job of the scene, waits for its end, and writes its image with all layers to `file`. The job's

@@ -62,7 +62,10 @@ struct Sums {
   std::vector<double> batches;  // luminance
   Vec3d color;
 };
-Sums sums_of(const image::Image& image, double iterations) {
+Result<Sums> sums_of(const image::Image& image, double iterations) {
+  if (image.width != integrators::kShareBatches || image.height != 1)
+    return failed_error(fmt::format("the farm's image of the job has {}x{} pixels, not {}x1", image.width,
+                                    image.height, integrators::kShareBatches));
   Sums sums;
   for (std::size_t b = 0; b < integrators::kShareBatches; ++b) {
     const float* rgb = image.rgb.data() + 3 * b;
@@ -96,10 +99,16 @@ Result<int> shares_on_farm(Context& context, const FarmOptions& farm, SharesJob 
   std::sort(groups.begin(), groups.end(), [&](const PathGroup& a, const PathGroup& b) {
     return inspect::is_narrower(a.common, b.common, session);
   });
+  JobSettings settings = shares_settings(scene.job.settings, request, session, groups);
+  // A master would refuse the job with the name of a setting that the user did not give.
+  if (const auto layers = letters::parse_layer_request(settings.layers); !layers.ok())
+    return usage_error(fmt::format("a job cannot tell these clusters apart: {}", layers.error().message))
+        .with_field("--clusters")
+        .with_mend("give fewer, or leave out --master");
   CANDELA_ASSIGN(const PassingFolder folder, PassingFolder::make());
   const std::string file = (folder.path() / "job.exr").string();
   InspectJob inspect_job{.name = std::move(job.name),
-                         .settings = shares_settings(scene.job.settings, request, session, groups),
+                         .settings = std::move(settings),
                          .iterations = request.spp,
                          .quiet = job.quiet};
   CANDELA_ASSIGN(const JobFile made,
@@ -108,11 +117,11 @@ Result<int> shares_on_farm(Context& context, const FarmOptions& farm, SharesJob 
   const auto iterations = static_cast<double>(request.spp),
              pixels = static_cast<double>(request.pixels.count()), samples = iterations * pixels;
   CANDELA_ASSIGN(const image::Image whole, image::read_image(file));
-  const Sums all = sums_of(whole, iterations);
+  CANDELA_ASSIGN(const Sums all, sums_of(whole, iterations));
   report.spp = request.spp;
   report.counted = false;
   report.other_count = 0;
-  report.not_finite = made.rejected;
+  report.not_finite = made.not_finite;
   report.mean = all.color * (1 / samples);
   std::vector<double> samples_in(all.batches.size());
   for (std::size_t b = 0; b < samples_in.size(); ++b)
@@ -128,12 +137,13 @@ Result<int> shares_on_farm(Context& context, const FarmOptions& farm, SharesJob 
   std::vector<double> selected = totals, other;
   if (session.selects()) {
     CANDELA_ASSIGN(const image::Image layer, image::read_layer(file, session.request().layers.front().name));
-    selected = filled(sums_of(layer, iterations).batches);
+    CANDELA_ASSIGN(Sums sums, sums_of(layer, iterations));
+    selected = filled(std::move(sums.batches));
   }
   other = selected;
   for (std::size_t i = 0; i < groups.size(); ++i) {
     CANDELA_ASSIGN(const image::Image layer, image::read_layer(file, group_name(i)));
-    const Sums sums = sums_of(layer, iterations);
+    CANDELA_ASSIGN(const Sums sums, sums_of(layer, iterations));
     const std::vector<double> batches = filled(sums.batches);
     for (std::size_t b = 0; b < batches.size(); ++b) other[b] -= batches[b];
     groups[i].mean = sums.color * (1 / samples);

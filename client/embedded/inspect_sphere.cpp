@@ -187,7 +187,7 @@ Result<int> map_on_farm(Context& context, const SphereOptions& options, const Ma
   map.width = made.image.width;
   map.height = made.image.height;
   map.rgb = std::move(made.image.rgb);
-  map.not_finite += made.rejected;
+  map.not_finite += made.not_finite;
   inspect::integrate_map(request.probe, map);
   return 0;
 }

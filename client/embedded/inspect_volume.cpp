@@ -249,7 +249,7 @@ Result<int> volume_on_farm(Context& context, const VolumeOptions& options, const
   CANDELA_ASSIGN(const JobImage made,
                  run_inspect_job(context, options.farm, std::move(job), std::move(scene), *opened.session));
   if (made.code != 0) return made.code;
-  numbers.not_finite = made.rejected;
+  numbers.not_finite = made.not_finite;
   const auto pixels = static_cast<double>(request.pixels.count());
   const auto sum = [&](integrators::CellFilmSum which) {
     const float* rgb = made.image.rgb.data() + 3 * integrators::cell_film_pixel(grid, which);

@@ -34,9 +34,10 @@ void work_phase(WorkPhase phase) {
 }
 
 std::string_view doing(WorkPhase phase) {
-  return name_of_value({"waiting", "fetching files", "reading the scene", "building the scene",
-                        "measuring the scene in a pilot", "rendering", "delivering"},
-                       phase, "working");
+  return name_of_value<WorkPhase::pushing>(
+      {"waiting", "fetching files", "reading the scene", "building the scene",
+       "measuring the scene in a pilot", "rendering", "delivering"},
+      phase, "working");
 }
 
 }  // namespace candela

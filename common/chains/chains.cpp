@@ -373,7 +373,8 @@ std::vector<std::uint64_t> BootstrapTable::choose_starts(std::uint32_t chains, s
 }
 
 int film_scale_log2(double b0, int pilot_scale_log2) {
-  // Light that needs no chain may be far brighter than b0, and has to fit, too.
+  // Light that needs no chain may be far brighter than b0, and has to fit, too. The least importance of two
+  // stages takes 2^10 of the 2^15 segments that a unit has room for.
   constexpr int kFinest = 16;  // over the pilot's, which is the scale of the whole image
   return b0 > 0 ? std::min(film::scale_log2_for(b0), pilot_scale_log2 + kFinest) : pilot_scale_log2;
 }

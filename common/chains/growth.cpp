@@ -12,7 +12,8 @@ std::string grown_b_text(const BootstrapSums& bootstrap, const Normalisation& po
     return {};
   return fmt::format(
       "b has grown from {:.3g} +- {:.2g} in the bootstrap to {:.3g} +- {:.2g}: large steps met bright light "
-      "that the bootstrap missed; until the chains follow it, other parts of the image are too bright; more "
+      "that the bootstrap missed; until the chains follow it, other parts of the image may be too bright; "
+      "more "
       "bootstrap samples find it earlier",
       first.b, first.standard_error, pooled.b, pooled.standard_error);
 }

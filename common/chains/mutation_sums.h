@@ -37,7 +37,7 @@ inline void add_counts(const MutationCounts& counts, std::uint64_t key, film::Un
   to.splat(0, 0, 0, values, key, sample_counts);
 }
 
-// Nothing: the accumulator is of something else.
+// Returns nothing if the accumulator has no counts of mutations.
 inline std::optional<MutationCounts> counts_of(const film::MergedAccumulator& sums) {
   const film::AccumulatorSpec& spec = sums.spec();
   if (!spec.name.starts_with(kMutationPrefix) ||

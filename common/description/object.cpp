@@ -10,8 +10,8 @@
 namespace candela::description {
 
 std::string_view name(PropertyType type) {
-  return name_of_value({"boolean", "integer", "float", "string", "point", "vector", "rgb", "transform"},
-                       type);
+  return name_of_value<PropertyType::transform>(
+      {"boolean", "integer", "float", "string", "point", "vector", "rgb", "transform"}, type);
 }
 
 namespace {

@@ -151,7 +151,7 @@ class Reviewer {
 }  // namespace
 
 std::string_view name(Finding::Kind kind) {
-  return name_of_value({"differs", "dark", "missing", "ignored", "unused"}, kind);
+  return name_of_value<Finding::Kind::unused>({"differs", "dark", "missing", "ignored", "unused"}, kind);
 }
 
 bool is_warning(Finding::Kind kind) {

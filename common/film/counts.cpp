@@ -5,7 +5,8 @@
 namespace candela::film {
 
 std::string_view name(RejectCause cause) {
-  return name_of_value({"nan", "infinite", "negative", "saturated", "statistics"}, cause, "unknown");
+  return name_of_value<RejectCause::statistics>({"nan", "infinite", "negative", "saturated", "statistics"},
+                                                cause, "unknown");
 }
 
 void SampleCounts::add(const SampleCounts& other) {

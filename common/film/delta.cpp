@@ -42,7 +42,8 @@ Error section_error(std::string_view text) {
 }
 
 std::string_view name_of(SectionKind kind) {
-  return name_of_value({"unknown", "film", "accumulator", "records", "table", "counts"}, kind, "unknown");
+  return name_of_value<SectionKind::counts>({"unknown", "film", "accumulator", "records", "table", "counts"},
+                                            kind, "unknown");
 }
 
 // A unit's sections, in order.

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <exception>
+#include <numbers>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -96,7 +97,8 @@ std::string channels_of(const std::string& letters) {
   return list;
 }
 
-enum class Making : std::uint8_t { as_stored, square, root };
+enum class Making : std::uint8_t { as_stored, square, root, irradiance };
+constexpr std::string_view kIrradiance = "irradiance", kAlbedo = "albedo";
 
 // The number of a pixel: `at`, which of the three values; -1 for luminance, -2 for length.
 constexpr int kLuminance = -1, kLength = -2;
@@ -123,6 +125,14 @@ Result<Quantity> read_quantity(const std::filesystem::path& path, const std::str
       making = layer == kErrorLayer ? Making::root : Making::square;
       found = find(layer == kErrorLayer ? kVarianceLayer : kErrorLayer);
     }
+    if (found == layers.end() && layer == kIrradiance) {
+      making = Making::irradiance;
+      found = find(kAlbedo);
+      if (found == layers.end() || found->letters != "RGB")
+        return input_error("the irradiance is made of the layer 'albedo', which the image does not have")
+            .at(path.string(), 0)
+            .with_mend("render with --aov albedo");
+    }
     if (found == layers.end()) return no_such_layer(path, layer, layers);
     letters = found->letters;
     stored = found->name;
@@ -139,6 +149,13 @@ Result<Quantity> read_quantity(const std::filesystem::path& path, const std::str
           .with_mend("there is " + channels_of(letters));
   }
   CANDELA_ASSIGN(const Image image, layer.empty() ? read_image(path) : read_layer(path, stored));
+  std::vector<float> radiance;
+  if (making == Making::irradiance) {
+    CANDELA_ASSIGN(Image whole, read_image(path));
+    if (whole.rgb.size() != image.rgb.size())
+      return input_error("the layer 'albedo' has another size than the image").at(path.string(), 0);
+    radiance = std::move(whole.rgb);
+  }
   Quantity quantity{image.width, image.height, std::vector<float>(image.rgb.size() / 3), layer};
   // The luminance of a variance is that of the standard deviations, squared.
   const bool deviations = at == kLuminance && stored == kVarianceLayer;
@@ -147,6 +164,8 @@ Result<Quantity> read_quantity(const std::filesystem::path& path, const std::str
     std::array<float, 3> v = {image.rgb[3 * i], image.rgb[3 * i + 1], image.rgb[3 * i + 2]};
     if (deviations)
       for (float& value : v) value = std::sqrt(value);
+    if (making == Making::irradiance)  // not finite where nothing is reflected
+      for (std::size_t c = 0; c < 3; ++c) v[c] = std::numbers::pi_v<float> * radiance[3 * i + c] / v[c];
     double number = number_of(v.data(), at);
     if (making == Making::square || (deviations && making == Making::as_stored)) number = square(number);
     if (making == Making::root && !deviations) number = std::sqrt(number);

@@ -19,8 +19,9 @@ struct Quantity {
 // `layer`: empty for the image itself. `channel`: a letter of the layer's channels; "luminance" of R, G and
 // B; "length" of X, Y and Z, or of U and V; empty: the only channel, else luminance, else length. The layer
 // 'error' is made of 'variance' if the file has only that, and the other way round; their luminance takes the
-// errors of the three channels as wholly correlated. Errors name the file: it is no EXR, has no such layer or
-// channel (with the nearest layers), or is damaged.
+// errors of the three channels as wholly correlated. The layer 'irradiance' is pi times the image over the
+// layer 'albedo' if the file has only that: the irradiance of matt surfaces that emit no light. Errors name
+// the file: it is no EXR, has no such layer or channel (with the nearest layers), or is damaged.
 Result<Quantity> read_quantity(const std::filesystem::path& path, const std::string& layer,
                                const std::string& channel);
 

@@ -46,17 +46,19 @@ Json chains(const v1::ChainStatus& c) {
   json["segment_mutations"] = c.plan().segment_mutations();
   json["bootstrap_samples"] = c.plan().bootstrap_samples();
   json["bootstrap_done"] = c.bootstrap_done();
-  json["b"] = finite(c.b());
-  json["b_standard_error"] = finite(c.b_standard_error());
+  const bool has_chains = c.has_plan();  // or mutations within iterations, without b
+  json["b"] = has_chains ? finite(c.b()) : Json();
+  json["b_standard_error"] = has_chains ? finite(c.b_standard_error()) : Json();
   json["b_samples"] = c.b_samples();
   json["groups"] = Json::array();
   for (const v1::ChainGroupStatus& g : c.groups())
-    json["groups"].push_back({{"mutations", g.mutations()},
-                              {"accepted", g.accepted()},
-                              {"large_steps", g.large_steps()},
-                              {"large_accepted", g.large_accepted()},
-                              {"longest_stay", g.longest_stay()},
-                              {"stay_pixel", {finite(g.stay_x()), finite(g.stay_y())}}});
+    if (has_chains)
+      json["groups"].push_back({{"mutations", g.mutations()},
+                                {"accepted", g.accepted()},
+                                {"large_steps", g.large_steps()},
+                                {"large_accepted", g.large_accepted()},
+                                {"longest_stay", g.longest_stay()},
+                                {"stay_pixel", {finite(g.stay_x()), finite(g.stay_y())}}});
   // The sums of all groups; absent if the integrator does not mutate paths.
   for (const v1::ChainGroupStatus& g : c.groups())
     for (const v1::MutationStatus& m : g.by_mutation()) {

@@ -1,8 +1,8 @@
 #include "common/wire/roles.h"
 
-#include "common/base/enum_names.h"
-
 #include <array>
+
+#include "common/base/enum_names.h"
 
 namespace candela::wire {
 namespace {
@@ -12,7 +12,7 @@ constexpr std::array kAll = {Role::worker, Role::submit, Role::operate, Role::re
 }  // namespace
 
 std::string_view name(Role role) {
-  return name_of_value({"worker", "submit", "operate", "read"}, role, "");
+  return name_of_value<Role::read>({"worker", "submit", "operate", "read"}, role, "");
 }
 
 std::optional<Role> role_of(std::string_view word) {

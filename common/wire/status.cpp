@@ -32,8 +32,8 @@ std::string line_of(std::string_view text) {
 }
 
 std::string_view kind_name(ErrorKind kind) {
-  return name_of_value({"usage", "input", "failed", "unreachable", "refused", "resource", "internal"}, kind,
-                       "internal");
+  return name_of_value<ErrorKind::internal>(
+      {"usage", "input", "failed", "unreachable", "refused", "resource", "internal"}, kind, "internal");
 }
 
 grpc::StatusCode code_of(ErrorKind kind) {

@@ -341,8 +341,8 @@ v1::WorkPhase to_proto(WorkPhase phase) {
 }
 
 std::string_view name(v1::JobState state) {
-  return name_of_value({"unknown", "queued", "running", "paused", "done", "failed", "cancelled"}, state,
-                       "unknown");
+  return name_of_value<v1::JOB_STATE_CANCELLED>(
+      {"unknown", "queued", "running", "paused", "done", "failed", "cancelled"}, state, "unknown");
 }
 
 }  // namespace candela::wire

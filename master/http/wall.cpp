@@ -13,6 +13,7 @@ namespace {
 
 int rank_of(JobState state) {
   constexpr int kRanks[] = {2, 1, 3, 4, 0, 5};  // queued, running, paused, done, failed, cancelled
+  static_assert(std::size(kRanks) == static_cast<std::size_t>(JobState::cancelled) + 1);
   return kRanks[static_cast<std::size_t>(state)];
 }
 

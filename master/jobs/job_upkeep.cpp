@@ -4,11 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <span>
 
 #include "common/base/log.h"
 #include "common/base/memory_limit.h"
-#include "common/chains/mutation_sums.h"
 #include "common/stats/error_context.h"
 #include "master/jobs/convergence.h"
 #include "master/jobs/develop.h"
@@ -226,33 +224,23 @@ void JobUpkeep::summarize_chains(const std::string& job_id, JobFilm& film, bool 
   struct View {
     bool chains = false;
     chains::BootstrapSums bootstrap;
-    std::vector<std::string> mutations;  // names of accumulators
   };
   const View view = table_.with_scheduler([&](Scheduler& s) {
     const JobRow& row = s.job(job_id)->row;
-    View out{row.chains.has_value(), row.bootstrap, {}};
-    for (const film::AccumulatorSpec& spec : row.accumulators)
-      if (spec.name.starts_with(chains::kMutationPrefix)) out.mutations.push_back(spec.name);
-    return out;
+    return View{row.chains.has_value(), row.bootstrap};
   });
-  if (!view.chains && view.mutations.empty()) return;
   // The scheduler counts segments beyond the prefix, too, until it drops them.
   const JobFilm::Account account = film.account();
   const std::uint64_t segments = account.merged[0].count() + account.merged[1].count();
   if (segments == state.summarized_segments) return;
-  chains::Summary summary;
-  if (view.chains) summary = chains::summarise(view.bootstrap, film.chain_counts());
-  for (const std::string& name : view.mutations)
-    for (std::uint64_t half = 0; half < 2; ++half)
-      if (const auto sums = film.accumulator(name, half))
-        if (const auto counts = chains::counts_of(*sums))
-          chains::add(summary.groups[half].by_mutation, std::span(&*counts, 1));
+  const std::optional<chains::Summary> summary = film.chain_summary(view.bootstrap);
   state.last_summary = JobTable::now().seconds;
   state.summarized_segments = segments;
+  if (!summary) return;
   // Chains without light are no failure while layers that need no chains have light.
   const bool black = view.chains && !(view.bootstrap.sum > 0) && film.all_black();
   table_.with_scheduler([&](Scheduler& s) {
-    s.chains_summarised(job_id, summary, JobTable::now());
+    s.chains_summarised(job_id, *summary, JobTable::now());
     if (black) s.found_black(job_id, JobTable::now());
   });
 }

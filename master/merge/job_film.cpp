@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <charconv>
 #include <new>
+#include <span>
 #include <vector>
 
 #include "common/base/files.h"
 #include "common/base/memory_limit.h"
+#include "common/chains/mutation_sums.h"
 
 namespace candela::master {
 namespace {
@@ -445,6 +447,20 @@ std::vector<chains::ChainCounts> JobFilm::chain_counts() const {
   std::vector<chains::ChainCounts> out;
   out.reserve(records().size());
   for (const auto& record : records()) out.push_back(record->counts);
+  return out;
+}
+
+std::optional<chains::Summary> JobFilm::chain_summary(const chains::BootstrapSums& bootstrap) const {
+  std::optional<chains::Summary> out;
+  if (chains_ > 0) out = chains::summarise(bootstrap, chain_counts());
+  for (const film::AccumulatorSpec& spec : specs_) {
+    if (!spec.name.starts_with(chains::kMutationPrefix)) continue;
+    if (!out) out.emplace();
+    for (std::uint64_t half = 0; half < 2; ++half)
+      if (const auto sums = accumulator(spec.name, half))
+        if (const auto counts = chains::counts_of(*sums))
+          chains::add(out->groups[half].by_mutation, std::span(&*counts, 1));
+  }
   return out;
 }
 

@@ -119,6 +119,8 @@ class JobFilm {
   // Indices that it holds: merged ones, and those that are ahead.
   std::array<film::IndexSet, 2> holds() const;
   std::vector<chains::ChainCounts> chain_counts() const;  // empty where it is not loaded
+  // Figures of the chains, or of mutations within iterations; nothing if the job has neither.
+  std::optional<chains::Summary> chain_summary(const chains::BootstrapSums& bootstrap) const;
   std::size_t largest_record_bytes() const;
   // Every chain has had a segment, and all sums of the image are zero.
   bool all_black() const;

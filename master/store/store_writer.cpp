@@ -10,7 +10,8 @@
 namespace candela::master {
 
 std::string_view name(JobState state) {
-  return name_of_value({"queued", "running", "paused", "done", "failed", "cancelled"}, state, "unknown");
+  return name_of_value<JobState::cancelled>({"queued", "running", "paused", "done", "failed", "cancelled"},
+                                            state, "unknown");
 }
 
 StoreWriter::StoreWriter(Store& store, std::function<void(const std::string&)> on_error)

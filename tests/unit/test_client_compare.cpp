@@ -75,7 +75,7 @@ TEST_F(Compare, TellsNoiseFromDifference) {
 }
 
 // Claim: a layer of variance without a number, as of one iteration, is none: no block differs for want of it.
-// Where some of its values are none, a line tells how many count as exact.
+// If some of its values are none, a line tells how many count as exact.
 TEST_F(Compare, VarianceThatIsNoneIsTold) {
   constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
   const std::string a = write("a.exr", 1, 0.5F, "variance", kNone), b = write("b.exr", 1, 0, "", 0),
@@ -94,6 +94,8 @@ TEST_F(Compare, VarianceThatIsNoneIsTold) {
                               "taken as exact"),
       std::string::npos)
       << run({c, some}).out;
+  EXPECT_EQ(nlohmann::json::parse(run({c, some, "--json"}).out).at("noise").at("invalid_reference_variances"),
+            768);
   EXPECT_EQ(run({c, c}).out.find("no number"), std::string::npos);
 }
 

@@ -113,6 +113,28 @@ TEST_F(QuantityTest, ErrorAndVarianceStandForEachOther) {
   }
 }
 
+// Claim: the irradiance of a matt surface, which reflects albedo / pi of it, is pi times the image over the
+// layer 'albedo'; pixels without albedo have none; a file without that layer says how to get it; a layer of
+// that name is read as it is.
+TEST_F(QuantityTest, IrradianceIsThatOfMattSurfaces) {
+  auto albedo = noise(3, 9);
+  const auto irradiance = noise(3, 10);
+  for (std::size_t i = 0; i < rgb_.size(); ++i)
+    rgb_[i] = static_cast<float>(double{albedo[i]} * irradiance[i] / 3.14159265358979);
+  const std::string path = exr("a.exr", {{"albedo", albedo, {}}});
+  const auto luminance = [](const float* v) { return 0.2126 * v[0] + 0.7152 * v[1] + 0.0722 * v[2]; };
+  expect_values(read_quantity(path, "irradiance", ""), "irradiance, luminance", 3, irradiance, luminance);
+  expect_values(read_quantity(path, "irradiance", "G"), "irradiance, G", 3, irradiance,
+                [](const float* v) { return double{v[1]}; });
+  for (std::size_t c = 0; c < 3; ++c) albedo[c] = 0;
+  EXPECT_FALSE(
+      std::isfinite(read_quantity(exr("dark.exr", {{"albedo", albedo, {}}}), "irradiance", "")->values[0]));
+  EXPECT_THAT(error_of(exr("plain.exr", {}), "irradiance", ""),
+              testing::HasSubstr("(render with --aov albedo)"));
+  const std::string own = exr("own.exr", {{"albedo", albedo, {}}, {"irradiance", irradiance, {}}});
+  expect_values(read_quantity(own, "irradiance", ""), "irradiance, luminance", 3, irradiance, luminance);
+}
+
 // Claim: a layer that is not there names the nearest of those there are; a channel that is not there names
 // all; other files than EXR are refused by what they hold, not by their names.
 TEST_F(QuantityTest, ErrorsNameTheMend) {

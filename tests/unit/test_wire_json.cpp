@@ -75,6 +75,20 @@ TEST(PageJson, HasPrintableTexts) {
   EXPECT_EQ(json.at("settings").at("integrator_settings").at("a\\u202eb"), "\\t");
 }
 
+// Claim: mutations within iterations are told without b and groups, which only jobs of chains have.
+TEST(Json, MutationsWithinIterationsHaveNoB) {
+  v1::JobStatus s;
+  v1::MutationStatus& mutation = *s.mutable_chains()->add_groups()->add_by_mutation();
+  mutation.set_name("lens");
+  mutation.set_proposed(7);
+  const auto chains = nlohmann::json::parse(job_json(s)).at("chains");
+  EXPECT_TRUE(chains.at("b").is_null());
+  EXPECT_TRUE(chains.at("b_standard_error").is_null());
+  EXPECT_TRUE(chains.at("groups").empty());
+  EXPECT_EQ(chains.at("by_mutation").at("lens").at("proposed"), 7);
+  EXPECT_EQ(nlohmann::json::parse(job_json(full_job())).at("chains").at("groups").size(), 1U);
+}
+
 // Claim: the iterations that a job ends with are told, whether its stop rule has their number or their
 // indices; null: it has neither.
 TEST(Json, TellsTheIterationsAsked) {

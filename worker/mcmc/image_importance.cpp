@@ -14,8 +14,9 @@ constexpr double kFloor = 0.01;  // of the squared mean
 // A chain that stays at one place adds at most its inverse to the film for each state, in units of b0:
 // chains::film_scale_log2() leaves room for that.
 constexpr double kMinImportance = 1.0 / 64, kMinOfSplat = 1.0 / 1024;
-// Of luminance times importance, as a share of the sum over the first stage's samples. Few samples have a
-// wide range of luminances: a splat as bright as the first stage believes (first_stage.cpp) is not limited.
+// The limit of luminance times importance, as a share of the sum over the first stage's samples. Few samples
+// have a wide range of luminances: a splat as bright as the first stage believes (first_stage.cpp) is not
+// limited.
 constexpr double kMaxShare = 1.0 / 16, kMinLimit = 32;
 constexpr double kLevelsPerOctave = 16, kLevelOfOne = 128;
 

@@ -10,9 +10,10 @@
 //
 // The first stage may miss a small bright light: its cell is then dark, its importance high, and luminance
 // times importance is far above the light's share of the image. So the importance also falls with the
-// luminance of a single splat: luminance times importance is at most kMaxShare of the sum over all N samples
-// of the first stage, which such a sample would have shown. Light that N samples miss, of a probability of
-// 1 / N or little more, then has at most about kMaxShare m of the mean of luminance times importance.
+// luminance of a single splat: luminance times importance is at most the larger of 32 means and kMaxShare of
+// the sum over all N samples of the first stage, which such a sample would have shown, as long as the
+// importance is above kMinOfSplat. Light that N samples miss, of a probability of 1 / N or little more, then
+// has at most about kMaxShare m of the mean of luminance times importance.
 #pragma once
 
 #include <cstdint>
@@ -54,7 +55,7 @@ class ImageImportance {
   const ImageImportance* used() const { return even() ? nullptr : this; }
   std::span<const std::uint8_t> levels() const { return levels_; }
   double max_scalar() const { return max_scalar_; }
-  // Of a splat of this luminance.
+  // The importance of a splat of this luminance.
   double at(transport::FilmPosition place, double luminance) const;
 
  private:

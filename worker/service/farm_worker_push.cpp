@@ -19,7 +19,7 @@ constexpr std::uint32_t kQueueFullMs = 500;  // where the master names no wait
 
 std::string_view text_of(v1::DeltaVerdict verdict) {
   constexpr std::string_view kUnknown = "answered with an unknown verdict";
-  return name_of_value(
+  return name_of_value<v1::DELTA_VERDICT_JOB_ENDED>(
       {kUnknown, "merged", "dropped, the unit is merged already", "dropped, the lease is not ours any more",
        "refused as corrupt", "refused, the master expects another build", "dropped, the job has ended"},
       verdict, kUnknown);

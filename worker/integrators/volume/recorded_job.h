@@ -43,7 +43,7 @@ class RecordedJob {
                          });
   }
 
-  // So many samples of pixels by a fixed random choice, for a pilot.
+  // Traces `count` samples of pixels of a fixed random choice, for a pilot.
   void sample_some(const UnitContext& context, std::uint32_t count, PathConsumer& consumer) const;
 
  private:

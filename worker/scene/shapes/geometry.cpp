@@ -22,8 +22,8 @@ namespace {
 
 constexpr double kPlaneErrorFactor = 6;
 
-// In place, as the loop below reads the corners: a copy would be read back in wider pieces than it was stored
-// in, and the processor would wait.
+// Writes in place, as make_triangles() reads the corners next: a copy would be read back in wider pieces than
+// it was stored in, and the processor would wait.
 void set_corners(Triangle& t, Vec3 v0, Vec3 v1, Vec3 v2) {
   t.v0 = v0;
   t.v1 = v1;

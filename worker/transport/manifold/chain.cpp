@@ -39,7 +39,9 @@ bool orthonormalize(ChainVertex& v) {
 }
 
 const char* name_of(Fault fault) {
-  return name_of_value({"none", "coincident", "grazing", "frame", "side", "not finite"}, fault, "").data();
+  return name_of_value<Fault::not_finite>({"none", "coincident", "grazing", "frame", "side", "not finite"},
+                                          fault, "")
+      .data();
 }
 
 namespace {
