@@ -133,7 +133,7 @@ Result<int> shares_on_farm(Context& context, const FarmOptions& farm, SharesJob 
     return batches;
   };
   const std::vector<double> totals = filled(all.batches);
-  report.luminance = inspect::mean_of(totals, samples_in);
+  report.luminance = inspect::ratio_of(totals, samples_in);
   std::vector<double> selected = totals, other;
   if (session.selects()) {
     CANDELA_ASSIGN(const image::Image layer, image::read_layer(file, session.request().layers.front().name));
@@ -147,10 +147,10 @@ Result<int> shares_on_farm(Context& context, const FarmOptions& farm, SharesJob 
     const std::vector<double> batches = filled(sums.batches);
     for (std::size_t b = 0; b < batches.size(); ++b) other[b] -= batches[b];
     groups[i].mean = sums.color * (1 / samples);
-    groups[i].share = inspect::share_of(batches, totals);
+    groups[i].share = inspect::ratio_of(batches, totals);
   }
-  report.selected = inspect::share_of(selected, totals);
-  report.other = inspect::share_of(other, totals);
+  report.selected = inspect::ratio_of(selected, totals);
+  report.other = inspect::ratio_of(other, totals);
   std::stable_sort(groups.begin(), groups.end(),
                    [](const PathGroup& a, const PathGroup& b) { return a.share.value > b.share.value; });
   return 0;

@@ -25,7 +25,6 @@
 #include "common/description/scene_files.h"
 #include "common/description/spectra.h"
 #include "common/description/stand_in.h"
-#include "common/description/text.h"
 #include "common/description/transform.h"
 #include "common/description/unpacked_files.h"
 #include "common/description/values.h"

@@ -46,14 +46,14 @@ class PathsRun {
     std::vector<double> samples_in;
     for (std::size_t b = 0; b < sampling_.batches(); ++b)
       samples_in.push_back(static_cast<double>(out.pixels * sampling_.samples_in(b)));
-    out.luminance = mean_of(sums.totals(), samples_in);
-    out.other = share_of(sums.other().batches, sums.totals());
+    out.luminance = ratio_of(sums.totals(), samples_in);
+    out.other = ratio_of(sums.other().batches, sums.totals());
     out.other_count = sums.other().count;
     out.not_finite = sums.not_finite();
     std::vector<double> selected = sums.other().batches;
     for (const StringGroup& group : group_strings(sums.clusters(), request_.from_light, request_.rows))
       out.groups.push_back(group_of(group, sums, samples, selected));
-    out.selected = share_of(selected, sums.totals());
+    out.selected = ratio_of(selected, sums.totals());
     return out;
   }
 
@@ -74,7 +74,7 @@ class PathsRun {
         if (path.string == member->first) out.key_paths.push_back(path);
     }
     for (std::size_t b = 0; b < batches.size(); ++b) selected[b] += batches[b];
-    out.share = share_of(batches, sums.totals());
+    out.share = ratio_of(batches, sums.totals());
     for (const Vec3d& place : brightest->places)
       out.mean_path.push_back(Vec3(place * (1 / std::max(brightest->weight, 1e-300))));
     // One at least, of the string with most light.
@@ -92,37 +92,21 @@ class PathsRun {
 
 }  // namespace
 
-Estimate share_of(const std::vector<double>& batches, const std::vector<double>& totals) {
-  double part = 0, total = 0;
-  for (const double v : batches) part += v;
-  for (const double v : totals) total += v;
-  if (total == 0) return {kUnknown, kUnknown};
-  const double ratio = part / total;
-  const std::size_t n = batches.size();
+Estimate ratio_of(const std::vector<double>& parts, const std::vector<double>& wholes) {
+  double part = 0, whole = 0;
+  for (const double v : parts) part += v;
+  for (const double v : wholes) whole += v;
+  if (whole == 0) return {kUnknown, kUnknown};
+  const double ratio = part / whole;
+  const std::size_t n = parts.size();
   if (n < 2) return {ratio, kUnknown};
   double residuals = 0;
   for (std::size_t b = 0; b < n; ++b) {
-    const double residual = batches[b] - ratio * totals[b];
+    const double residual = parts[b] - ratio * wholes[b];
     residuals += residual * residual;
   }
   const auto count = static_cast<double>(n);
-  return {ratio, std::sqrt(residuals * count / (count - 1)) / std::abs(total)};
-}
-
-Estimate mean_of(const std::vector<double>& totals, const std::vector<double>& samples) {
-  double sum = 0, all = 0;
-  for (const double v : totals) sum += v;
-  for (const double v : samples) all += v;
-  const double mean = sum / all;
-  const std::size_t n = totals.size();
-  if (n < 2) return {mean, kUnknown};
-  double squares = 0;
-  for (std::size_t b = 0; b < n; ++b) {
-    const double residual = totals[b] - mean * samples[b];
-    squares += residual * residual;
-  }
-  const auto count = static_cast<double>(n);
-  return {mean, std::sqrt(squares * count / (count - 1)) / all};
+  return {ratio, std::sqrt(residuals * count / (count - 1)) / std::abs(whole)};
 }
 
 Result<PathsReport> inspect_paths(const Session& session, const PathsRequest& request) {

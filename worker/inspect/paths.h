@@ -55,10 +55,8 @@ struct PathsReport {
   std::uint64_t not_finite = 0;  // contributions left out
 };
 
-// The share of a sum in all light, from luminances by batch.
-Estimate share_of(const std::vector<double>& batches, const std::vector<double>& totals);
-// The mean of a sample. samples: of each batch.
-Estimate mean_of(const std::vector<double>& totals, const std::vector<double>& samples);
+// The ratio of two sums, from their parts by batch: the share of some light in all, or a mean over samples.
+Estimate ratio_of(const std::vector<double>& parts, const std::vector<double>& wholes);
 
 // A pure function of session and request but for threads, which change nothing. Errors: settings of the
 // integrator.
