@@ -146,8 +146,10 @@ std::string percent(double value, int digits = 1) {
 void print_report(std::ostream& out, const PathsReport& report, const PathsRequest& request,
                   const inspect::Session& session) {
   const inspect::PixelRect& r = request.pixels;
-  out << fmt::format("pixels {},{} to {},{}, {} spp: mean luminance {:.4g} +- {:.1g}", r.x0, r.y0, r.x1, r.y1,
-                     report.spp, report.luminance.value, report.luminance.error);
+  out << fmt::format(
+      "pixels {},{} to {},{}, {} spp: mean luminance {:.4g} +- {}", r.x0, r.y0, r.x1, r.y1, report.spp,
+      report.luminance.value,
+      std::isfinite(report.luminance.error) ? fmt::format("{:.1g}", report.luminance.error) : "-");
   if (session.selects())
     out << fmt::format("; selected {} % +- {}", percent(report.selected.value),
                        percent(report.selected.error, 2));

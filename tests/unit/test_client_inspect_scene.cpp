@@ -104,6 +104,16 @@ TEST_F(InspectScene, SaysThatNoLightArrives) {
   EXPECT_NE(none.out.find("no light of this kind arrives"), std::string::npos) << none.out;
 }
 
+// Claim: one sample has no error, which the line says as the table does.
+TEST_F(InspectScene, OneSampleHasNoError) {
+  const std::string file = scene(std::string(kSensor) + kFloor + kSky);
+  const Outcome one = run({"paths", file, "--pixels", "12,8,12,8", "--spp", "1", "--keep", "1"});
+  ASSERT_EQ(one.code, 0) << one.err;
+  EXPECT_NE(one.out.find("1 spp: mean luminance "), std::string::npos) << one.out;
+  EXPECT_NE(one.out.find(" +- -\n"), std::string::npos) << one.out;
+  EXPECT_EQ(one.out.find("nan"), std::string::npos) << one.out;
+}
+
 struct Map {
   std::uint32_t width = 0, height = 0;
   std::vector<float> rgb;
