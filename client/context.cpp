@@ -41,6 +41,10 @@ void add_job_words(CLI::App& app, std::vector<std::string>& words, const std::st
 
 void add_scene_file(CLI::App& app, SceneOptions& options) {
   app.add_option("scene", options.scene, "Scene file (Mitsuba XML, or pbrt)")->required()->type_name("SCENE");
+  add_defines(app, options);
+}
+
+void add_defines(CLI::App& app, SceneOptions& options) {
   add_texts(app, "-D,--define", options.defines, "Set a $parameter of the scene; may be repeated",
             "NAME=VALUE");
 }
@@ -56,8 +60,9 @@ void add_scene_memory(CLI::App& app, SceneOptions& options) {
            "Maximum memory for reading the scene, such as 500M or 20G; default: half of the memory", "SIZE");
 }
 
-void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
-  add_scene_file(app, options);
+namespace {
+
+void add_job_options(CLI::App& app, SceneOptions& options, bool with_limits, bool with_layers) {
   add_text(app, "--integrator", options.integrator,
            "Integrator to use instead of the scene's, with the scene's values of common parameters", "NAME");
   add_lenient(app, options);
@@ -95,11 +100,12 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
            "AOVs to add as layers, such as albedo,normal,depth or NAME:KIND; none: no AOVs; default: those "
            "of the scene's integrator `aov`",
            "LIST");
-  add_texts(
-      app, "--layer", options.layers,
-      "Add a layer of the light whose paths match a light path expression, such as caustics=LS+DE; may be "
-      "repeated; none: no layers; default: those of the scene's integrator `lpe`",
-      "NAME=EXPR");
+  if (with_layers)
+    add_texts(
+        app, "--layer", options.layers,
+        "Add a layer of the light whose paths match a light path expression, such as caustics=LS+DE; may be "
+        "repeated; none: no layers; default: those of the scene's integrator `lpe`",
+        "NAME=EXPR");
   add_texts(app, "--region", options.regions,
             "Name a region for @NAME in expressions: NAME=box:x0,y0,z0,x1,y1,z1 or NAME=sphere:x,y,z,radius; "
             "may be repeated",
@@ -107,9 +113,11 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
   add_text(app, "--glossy-below", options.glossy_below,
            "Roughness alpha below which light that is not mirrored counts as G, above as D (default 0.3)",
            "ALPHA");
-  app.add_flag("--light-groups", options.light_groups, "Add a layer light.NAME for each lamp");
-  app.add_flag("--partition", options.partition,
-               "Require that each path matches exactly one layer, so that the layers add up to the image");
+  if (with_layers) {
+    app.add_flag("--light-groups", options.light_groups, "Add a layer light.NAME for each lamp");
+    app.add_flag("--partition", options.partition,
+                 "Require that each path matches exactly one layer, so that the layers add up to the image");
+  }
   add_text(app, "--edits", options.edits,
            "Edit how light travels at chosen surfaces, by a file of JSON; none: no edits; default: those of "
            "the scene's integrator `edits`",
@@ -119,6 +127,18 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
            "Instruction set that Embree may use: sse2, sse4.2, avx, avx2 (default) or avx512; the pixels "
            "depend on it",
            "NAME");
+}
+
+}  // namespace
+
+void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
+  add_scene_file(app, options);
+  add_job_options(app, options, with_limits, true);
+}
+
+void add_options_without_layers(CLI::App& app, SceneOptions& options) {
+  add_defines(app, options);
+  add_job_options(app, options, true, false);
 }
 
 void add_farm_options(CLI::App& app, FarmOptions& options) {

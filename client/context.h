@@ -52,8 +52,12 @@ void add_job_words(CLI::App& app, std::vector<std::string>& words, const std::st
 // --filter,
 // --sampler, --isa.
 void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits);
-// Some of these, for commands that have fewer: the scene and -D; --lenient; --scene-memory.
+// The same without SCENE, for a command whose layers are not named by options: no --layer, --light-groups and
+// --partition.
+void add_options_without_layers(CLI::App& app, SceneOptions& options);
+// Some of these, for commands that have fewer: the scene and -D; -D; --lenient; --scene-memory.
 void add_scene_file(CLI::App& app, SceneOptions& options);
+void add_defines(CLI::App& app, SceneOptions& options);
 void add_lenient(CLI::App& app, SceneOptions& options);
 void add_scene_memory(CLI::App& app, SceneOptions& options);
 

@@ -58,6 +58,7 @@ void add_commands(CLI::App& app, Context& context) {
   add_convert(app, context);
   add_inspect(app, context);
   CLI::App& inspect = *app.get_subcommand("inspect");
+  add_inspect_falsecolor(inspect, context);
   add_inspect_paths(inspect, context);
   add_inspect_sphere(inspect, context);
   add_inspect_volume(inspect, context);
@@ -170,7 +171,7 @@ std::unique_ptr<CLI::App> make_parser(Context& context) {
       "of: " +
       integrators);
   add_commands(*app, context);
-  for (CLI::App* command : app->get_subcommands([](const CLI::App*) { return true; }))
+  for (const auto& [name, command] : commands_of(*app))
     if (CLI::Option* option = command->get_option_no_throw("--integrator"))
       option->description(option->get_description() + ": " + integrators);
   add_examples(*app);

@@ -17,6 +17,7 @@ void add_reproduce(CLI::App& app, Context& context);
 void add_plan(CLI::App& app, Context& context);
 void add_check(CLI::App& app, Context& context);
 // These add subcommands to the command `inspect`.
+void add_inspect_falsecolor(CLI::App& inspect, Context& context);
 void add_inspect_paths(CLI::App& inspect, Context& context);
 void add_inspect_sphere(CLI::App& inspect, Context& context);
 void add_inspect_volume(CLI::App& inspect, Context& context);

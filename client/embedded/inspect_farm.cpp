@@ -4,7 +4,6 @@
 
 #include <ostream>
 
-#include "client/commands/waiting.h"
 #include "client/output.h"
 #include "client/passing_folder.h"
 #include "client/submission.h"
@@ -12,6 +11,23 @@
 #include "common/film/counts.h"
 
 namespace candela::client {
+
+Result<JobRun> run_job(Context& context, const FarmOptions& options, std::string name,
+                       const LoadedScene& scene, const WaitOptions& wait) {
+  JobRun run;
+  CANDELA_ASSIGN(run.farm, connect(options));
+  Submission submission;
+  submission.name = std::move(name);
+  Submitted submitted;
+  {
+    ProgressLine progress(context.err, ProgressLine::mode_for(wait.quiet));
+    CANDELA_ASSIGN(submitted, submit_scene(*run.farm, scene, context.facts, submission, progress));
+  }
+  run.id = submitted.job_id;
+  context.err << fmt::format("candela: job {}\n", printable(run.id)) << std::flush;
+  CANDELA_ASSIGN(run.code, wait_for_job(context, *run.farm, run.id, wait));
+  return run;
+}
 
 Result<JobFile> run_job_to(Context& context, const FarmOptions& options, InspectJob job, LoadedScene scene,
                            const std::string& file) {
@@ -21,20 +37,12 @@ Result<JobFile> run_job_to(Context& context, const FarmOptions& options, Inspect
   scene.job.stop = {};
   scene.job.stop.iterations = job.iterations;
   scene.job.indices = {};
-  CANDELA_ASSIGN(const std::unique_ptr<FarmClient> farm, connect(options));
-  Submission submission;
-  submission.name = std::move(job.name);
-  Submitted submitted;
-  {
-    ProgressLine progress(context.err, ProgressLine::mode_for(job.quiet));
-    CANDELA_ASSIGN(submitted, submit_scene(*farm, scene, context.facts, submission, progress));
-  }
-  context.err << fmt::format("candela: job {}\n", printable(submitted.job_id)) << std::flush;
-  const WaitOptions wait{.quiet = job.quiet, .output = {file, {}}};
+  CANDELA_ASSIGN(const JobRun run, run_job(context, options, std::move(job.name), scene,
+                                           {.quiet = job.quiet, .output = {file, {}}}));
   JobFile made;
-  CANDELA_ASSIGN(made.code, wait_for_job(context, *farm, submitted.job_id, wait));
+  made.code = run.code;
   if (made.code != 0) return made;
-  CANDELA_ASSIGN(const v1::JobStatus status, farm->get_job(submitted.job_id));
+  CANDELA_ASSIGN(const v1::JobStatus status, run.farm->get_job(run.id));
   for (const v1::RejectedSamples& rejected : status.rejected())
     if (rejected.cause() == film::name(film::RejectCause::not_a_number) ||
         rejected.cause() == film::name(film::RejectCause::infinite))

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 
+#include "client/commands/waiting.h"
 #include "client/context.h"
 #include "client/settings.h"
 #include "common/image/image.h"
@@ -29,6 +31,14 @@ struct JobFile {
   std::uint64_t not_finite = 0;  // rejected samples
 };
 
+struct JobRun {
+  std::unique_ptr<FarmClient> farm;
+  std::string id;
+  int code = 0;  // as JobFile's
+};
+// Submits the scene's job as it is, tells its id, and waits for its end.
+Result<JobRun> run_job(Context& context, const FarmOptions& farm, std::string name, const LoadedScene& scene,
+                       const WaitOptions& wait);
 // Submits the job of the scene, waits for its end, and writes its image with all layers to `file`. The job's
 // settings of its integrator are completed.
 Result<JobFile> run_job_to(Context& context, const FarmOptions& farm, InspectJob job, LoadedScene scene,

@@ -12,7 +12,6 @@
 namespace candela::client {
 namespace {
 
-constexpr unsigned kMaxThreads = 1024;
 constexpr const char* kSpot = "spot";
 
 Result<inspect::Selection> selection_of(const InspectOptions& options, std::optional<letters::Region>& spot) {
@@ -63,7 +62,9 @@ void add_inspect_options(CLI::App& app, InspectOptions& options) {
            "Render this part of the image alone: left, top, width and height in pixels of the whole image",
            "X,Y,W,H");
   add_text(app, "--edits", scene.edits,
-           "Edit how light travels at chosen surfaces, by a file of JSON; none: no edits (default)", "FILE");
+           "Edit how light travels at chosen surfaces, by a file of JSON; none: no edits; default: those of "
+           "the scene's integrator `edits`",
+           "FILE");
   add_text(app, "--threads", options.threads, "Threads; default: one for each core", "N");
   add_scene_memory(app, scene);
 }
@@ -85,7 +86,7 @@ Result<OpenedScene> open_for_inspection(Context& context, const InspectOptions& 
   OpenedScene opened;
   opened.threads = std::max(1U, std::thread::hardware_concurrency());
   if (options.threads) {
-    CANDELA_ASSIGN(const std::uint64_t threads, parse_count(*options.threads, "--threads", 1, kMaxThreads));
+    CANDELA_ASSIGN(const std::uint64_t threads, parse_count(*options.threads, "--threads", 1, 1024));
     opened.threads = static_cast<unsigned>(threads);
   }
   CANDELA_ASSIGN(const inspect::Selection selection, selection_of(options, opened.spot));

@@ -203,6 +203,7 @@ std::string how_to_go_on(const Context& context, const RenderOptions& options) {
     resume = resume || word == "--resume";
     command += (command.empty() ? "" : " ") + shell_quote(word);
   }
+  if (options.passing) return fmt::format("nothing is kept; start anew with: {}", command);
   if (!options.keep_as.empty())
     return fmt::format("nothing is kept without -o; start anew with: {} -o {}", command, options.keep_as);
   return fmt::format("go on with: {}{}", command, resume ? "" : " --resume");
@@ -252,6 +253,7 @@ std::string summary(const v1::JobStatus& status, const std::string& output) {
 
 Result<int> run_render(Context& context, const RenderOptions& options) {
   const std::string name = scene_name(options.scene.scene);
+  const bool temporary = options.passing || !options.keep_as.empty();
   CANDELA_ASSIGN(ImageOutput output,
                  outputs_of(options.output.empty() ? std::nullopt : std::optional(options.output),
                             options.png, file_name_of(name)));
@@ -380,9 +382,9 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
     return resource_error(printable(last.message()))
         .with_mend(fmt::format("mend that, then {}", how_to_go_on(context, options)));
   if (!has_ended(last)) {
-    const std::string how_far = last.units_merged() == 0   ? " before the first iteration"
-                                : !options.keep_as.empty() ? ""
-                                                           : "; wrote " + summary(last, image);
+    const std::string how_far = last.units_merged() == 0 ? " before the first iteration"
+                                : temporary              ? ""
+                                                         : "; wrote " + summary(last, image);
     context.err << fmt::format("candela: stopped{}\ncandela: {}\n", how_far, how_to_go_on(context, options));
     return 128 + signals.pending();
   }
@@ -396,7 +398,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   if (last.state() != v1::JOB_STATE_DONE) return diagnose(last, scene, options, threads.front());
   if (const std::string note = png_note(output); !note.empty() && !options.quiet)
     context.err << "candela: note: " << note << '\n';
-  if (!options.quiet && !options.page_stay && options.keep_as.empty())
+  if (!options.quiet && !options.page_stay && !temporary)
     context.err << "candela: wrote " << summary(last, image) << '\n';
   return 0;
 }

@@ -21,6 +21,7 @@ struct RenderOptions {
   // Not empty: the output goes when the command ends. The user is not told of it, and, if the render is
   // stopped, is told to keep the next one by -o and this name.
   std::string keep_as = {};
+  bool passing = false;  // the output goes when the command ends, and no option would keep it
   std::function<Result<void>(const LoadedScene&)> check = {};  // before anything is rendered
 };
 

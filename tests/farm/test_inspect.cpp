@@ -176,6 +176,64 @@ TEST(FalseColorOnFarm, IsThatOfTheImage) {
   EXPECT_NE(layer.err.find("look: the image has no layer 'depht'"), std::string::npos) << layer.err;
 }
 
+// Claim: false color of a scene as a job has the bytes of that made here, of the image and of the light of an
+// expression, also if a worker dies; a job that has a layer of the expression shows it.
+TEST(FalseColorOnFarm, RendersScenes) {
+  Farm farm;
+  farm.start_master({"--unit-time", "0.02", "--checkpoint-interval", "0.05", "--lease-time", "2"});
+  Process& victim = farm.start_worker("victim");
+  farm.start_worker("heir");
+  const auto file = [&](const std::string& name) {
+    return (farm.folder().path() / (name + ".png")).string();
+  };
+  const std::vector<std::string> of_job = {"--size", "48x32", "--spp", "401", "--seed", "7"};
+  const auto words_of = [&](const std::string& name, std::vector<std::string> more) {
+    std::vector<std::string> words = {
+        "inspect", "falsecolor", scene_path("cornell"), "-o", file(name), "--log", "--json", "--quiet"};
+    words.insert(words.end(), of_job.begin(), of_job.end());
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  };
+  const std::vector<std::string> select = {"--select", "LX{red}X*E"};
+  const CommandResult here = farm.candela(words_of("here", select));
+  ASSERT_EQ(here.exit_code, 0) << here.err;
+  std::vector<std::string> remotely = select;
+  remotely.insert(remotely.end(), {"--master", farm.address()});
+  const auto there = farm.start_candela(words_of("there", remotely), "there");
+  const auto job = [&] {
+    const std::string said = there->err();
+    const std::size_t at = said.find("candela: job ");
+    return at == std::string::npos ? std::string() : said.substr(at + 13, said.find('\n', at) - at - 13);
+  };
+  eventually(kPatienceSeconds,
+             [&] { return !there->running() || (!job().empty() && farm.job(job()).iterations() > 0); });
+  ASSERT_FALSE(job().empty()) << there->err();
+  victim.kill();
+  ASSERT_EQ(there->wait(kPatienceSeconds).value_or(-1), 0) << there->err();
+  farm.audit(job(), 401);
+  const auto bytes = [&](const std::string& name) { return *read_file(file(name), std::uint64_t{1} << 30); };
+  EXPECT_EQ(bytes("there"), bytes("here"));
+  EXPECT_EQ(there->out(), here.out);
+
+  std::vector<std::string> layers = {"--layer", "from_red=L X{red} [DGS]* E"};
+  const std::string id = farm.submit(401, "cornell", layers);
+  farm.wait_for(id, v1::JOB_STATE_DONE);
+  const auto show = [&](const std::string& expression) {
+    return farm.candela({"inspect", "falsecolor", id, "-o", file("job"), "--log", "--json", "--master",
+                         farm.address(), "--select", expression});
+  };
+  const CommandResult of_layer = show("LX{red}X*E");
+  ASSERT_EQ(of_layer.exit_code, 0) << of_layer.err;
+  EXPECT_EQ(bytes("job"), bytes("here"));
+  EXPECT_EQ(of_layer.out, here.out);
+  const CommandResult none = show("LX{red}E");
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_NE(none.err.find(id + ": --select: the image has no layer of the expression 'LX{red}E' (there is "
+                               "from_red="),
+            std::string::npos)
+      << none.err;
+}
+
 // Claim: if this machine's own samples find no light, the job still runs, and the report has its sums.
 TEST(PathsOnFarm, RunIfNoneIsFoundHere) {
   Farm farm;

@@ -2,9 +2,12 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <map>
+
 #include "common/film/layout.h"
 #include "common/job/layer_name.h"
 #include "common/letters/automaton.h"
+#include "common/letters/normal_form.h"
 #include "common/letters/request.h"
 #include "tests/random_draws.h"
 
@@ -69,6 +72,45 @@ TEST(LettersRequest, Patterns) {
     EXPECT_TRUE(matches_pattern(tree->children[0].children[0].set.tokens[0].name, name)) << name;
   }
   EXPECT_FALSE(matches_pattern(pattern_of("a*"), "ab"));
+}
+
+// Claim: expressions that are written differently and read the same have one normal form; no two of those
+// that mean something else do.
+TEST(LettersRequest, NormalForms) {
+  const std::vector<std::vector<std::string>> groups = {
+      {"L[DGSV]*E", " L [V S G D]* E", "(L)([XV])*E", "L([DGSV]*)E", "L[[DG][SV]]*E", "L[DDGSV]*E"},
+      {"L[DGSV]+E", "L[XV]+E"},
+      {"L[DGSV]?E"},
+      {"LXE", "L[SGD]E", "L(X|[DGS])E"},
+      {"L[^D]E", "L[^DD]E"},
+      {"L[DE]", "L[ED]"},
+      {"LDE|LSE", "LSE|LDE", "(LSE|(LDE))"},
+      {"L(DE|LS)E"},
+      {"L(D|S)(D|S)E"},
+      {"L(D|SD|S)E"},
+      {"LDRE"},
+      {"LDTE"},
+      {"LD{a}E", "LD{ a }E"},
+      {"LD{a b}E"},
+      {"LD{ab}E"},
+      {"LD@a E", "LD @a E"},
+      {"LD{@a}E"},
+      {"LD{a}@a E"},
+      {"LD{" + std::string(90, 'n') + "a}E"},
+      {"LD{" + std::string(90, 'n') + "b}E"},
+      {"(LD)*E"},
+      {"LD*E", "L(D)*E", "L(D*)E"},
+      {"L(D*)*E"},
+  };
+  std::map<std::string, std::size_t> group_of;
+  for (std::size_t g = 0; g < groups.size(); ++g)
+    for (const std::string& text : groups[g]) {
+      const auto tree = parse_expression(text);
+      ASSERT_TRUE(tree.ok()) << text << ": " << tree.error().to_string();
+      const auto [place, is_new] = group_of.emplace(normal_form(*tree), g);
+      EXPECT_EQ(place->second, g) << text << " as " << groups[place->second][0];
+      EXPECT_EQ(is_new, &text == groups[g].data()) << text << " as " << groups[g][0] << ": " << place->first;
+    }
 }
 
 std::string read(const std::string& text) {

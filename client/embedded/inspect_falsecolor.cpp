@@ -6,12 +6,10 @@
 #include <memory>
 #include <ostream>
 
-#include "client/commands/inspect_tools.h"
 #include "client/context.h"
-#include "client/farm_client.h"
-#include "client/jobs_of_words.h"
+#include "client/embedded/commands.h"
+#include "client/embedded/falsecolor_source.h"
 #include "client/output.h"
-#include "client/passing_folder.h"
 #include "client/values.h"
 #include "common/base/files.h"
 #include "common/image/false_color.h"
@@ -22,9 +20,10 @@ namespace candela::client {
 namespace {
 
 struct FalseColorOptions {
-  std::string image, output;  // image: a job, if the farm has a master
-  FarmOptions farm;
-  std::optional<std::string> layer, channel, minus, map, range, percentiles;
+  FalseColorSource source;
+  std::string output;
+  std::vector<const CLI::Option*> of_scene;  // that an image has no use for
+  std::optional<std::string> channel, minus, map, range, percentiles;
   bool logarithmic = false, is_signed = false, json = false;
 };
 
@@ -67,32 +66,44 @@ Result<Choice> choose(const FalseColorOptions& options) {
   return choice;
 }
 
-// The image of a job so far, with the layer that is asked for.
-Result<void> fetch_job(const FalseColorOptions& options, const std::string& file) {
-  CANDELA_ASSIGN(const auto farm, connect(options.farm));
-  CANDELA_ASSIGN(const v1::JobName job, job_of_word(*farm, options.image));
-  ImageRequest request;
-  request.error_layer = options.layer == "error";
-  request.variance_layer = options.layer == "variance";
-  CANDELA_ASSIGN(const std::string exr, farm->fetch_image(job.id(), request));
-  return write_file_atomically(file, exr);
+// Refuses options of a scene if there is none.
+Result<void> check_options_of_scene(const FalseColorOptions& options) {
+  if (is_scene(options.source)) return {};
+  for (const CLI::Option* option : options.of_scene)
+    if (option->count() > 0)
+      return usage_error(fmt::format("{} is no scene, and is not rendered", printable(options.source.input)))
+          .with_field("--" + option->get_lnames().back())
+          .with_mend("leave it out, or give a scene");
+  return {};
 }
 
-// file: the EXR.
-Result<image::Quantity> read(const FalseColorOptions& options, const std::string& file) {
-  const std::string layer = options.layer.value_or(""), channel = options.channel.value_or("");
-  if (options.layer && layer.empty()) return usage_error("no layer is named").with_field("--layer");
-  if (options.channel && channel.empty()) return usage_error("no channel is named").with_field("--channel");
+// The quantity of an EXR. shown: its name in errors.
+Result<image::Quantity> read(const FalseColorOptions& options, const std::string& file,
+                             const std::string& shown) {
+  const FalseColorSource& source = options.source;
+  const std::string channel = options.channel.value_or("");
+  std::string layer = source.layer.value_or("");
+  if (source.select) {
+    CANDELA_ASSIGN(layer, layer_of_expression(file, shown, *source.select));
+  }
   auto found = image::read_quantity(file, layer, channel);
   if (!found.ok()) {
     Error error = std::move(found).error();
-    return error.file == file ? std::move(error).at(options.image, 0) : std::move(error);
+    return error.file == file ? std::move(error).at(shown, 0) : std::move(error);
   }
   image::Quantity quantity = *std::move(found);
+  if (source.select) quantity.name = *source.select + quantity.name.substr(layer.size());
+  return quantity;
+}
+
+// file: the EXR, or what was made of the input.
+Result<image::Quantity> read_difference(const FalseColorOptions& options, const std::string& file) {
+  const std::string& input = options.source.input;
+  CANDELA_ASSIGN(image::Quantity quantity, read(options, file, input));
   if (!options.minus) return quantity;
-  CANDELA_ASSIGN(const image::Quantity other, image::read_quantity(*options.minus, layer, channel));
+  CANDELA_ASSIGN(const image::Quantity other, read(options, *options.minus, *options.minus));
   if (quantity.width != other.width || quantity.height != other.height)
-    return input_error(fmt::format("{} is {}x{} but {} is {}x{}", printable(options.image), quantity.width,
+    return input_error(fmt::format("{} is {}x{} but {} is {}x{}", printable(input), quantity.width,
                                    quantity.height, printable(*options.minus), other.width, other.height))
         .with_mend("subtract an image of the same size");
   for (std::size_t i = 0; i < quantity.values.size(); ++i) quantity.values[i] -= other.values[i];
@@ -132,21 +143,22 @@ std::string summary_line(const FalseColorOptions& options, const image::Quantity
 Result<int> run_falsecolor(Context& context, const FalseColorOptions& options) {
   CANDELA_ASSIGN(const Choice choice, choose(options));
   CANDELA_TRY(check_output_path(options.output, ".png", "--output"));
-  PassingFolder folder;
-  std::string file = options.image;
-  if (options.farm.master) {
-    CANDELA_ASSIGN(folder, PassingFolder::make());
-    file = (folder.path() / "job.exr").string();
-    CANDELA_TRY(fetch_job(options, file));
-  }
-  CANDELA_ASSIGN(const image::Quantity quantity, read(options, file));
+  const FalseColorSource& source = options.source;
+  if (source.layer && source.layer->empty()) return usage_error("no layer is named").with_field("--layer");
+  if (options.channel && options.channel->empty())
+    return usage_error("no channel is named").with_field("--channel");
+  CANDELA_TRY(check_select(source));
+  CANDELA_TRY(check_options_of_scene(options));
+  CANDELA_ASSIGN(const SourceFile file, source_file(context, source));
+  if (file.code != 0) return file.code;
+  CANDELA_ASSIGN(const image::Quantity quantity, read_difference(options, file.path));
   image::ColorScale scale;
   if (choice.range) {
     scale = {choice.range->low, choice.range->high, options.logarithmic};
   } else {
     auto found = image::percentile_scale(quantity.values, choice.percentiles.low, choice.percentiles.high,
                                          options.logarithmic, options.is_signed);
-    if (!found.ok()) return std::move(found).error().at(options.image, 0).with_mend("give --range LOW,HIGH");
+    if (!found.ok()) return std::move(found).error().at(source.input, 0).with_mend("give --range LOW,HIGH");
     scale = *found;
   }
   const image::ValueSummary summary = image::summarize(quantity.values, scale);
@@ -161,17 +173,28 @@ Result<int> run_falsecolor(Context& context, const FalseColorOptions& options) {
 
 }  // namespace
 
-void add_falsecolor(CLI::App& inspect, Context& context) {
+void add_inspect_falsecolor(CLI::App& inspect, Context& context) {
   auto options = std::make_shared<FalseColorOptions>();
-  CLI::App* sub =
-      inspect.add_subcommand("falsecolor",
-                             "Show the luminance or a layer of an EXR, or with --master of a job of a farm, "
-                             "through a color map, with a scale, as a PNG");
-  sub->add_option("image", options->image, "The EXR; with --master: the job's id, its beginning, or its name")
+  FalseColorSource& source = options->source;
+  CLI::App* sub = inspect.add_subcommand("falsecolor",
+                                         "Show the luminance or a layer of an EXR, a scene or a farm's job "
+                                         "through a color map, with a scale, as "
+                                         "a PNG");
+  sub->add_option(
+         "image", source.input,
+         "An EXR, a scene (.xml, .pbrt) to render, or with --master a job's id, its beginning, or its "
+         "name; of an EXR or job --select takes the layer of that expression")
       ->required()
       ->type_name("IN");
+  const std::size_t before = sub->get_options().size();
+  add_options_without_layers(*sub, source.scene);
+  add_text(*sub, "--threads", source.threads, "Threads; default: one for each core", "N");
+  const auto with_scene = sub->get_options();
+  options->of_scene.assign(with_scene.begin() + static_cast<std::ptrdiff_t>(before), with_scene.end());
+  add_text(*sub, "--select", source.select,
+           "Take only light whose paths match this light path expression, such as LS+DE", "EXPR");
   sub->add_option("-o,--output", options->output, "The PNG to write")->required()->type_name("OUT");
-  add_text(*sub, "--layer", options->layer,
+  add_text(*sub, "--layer", source.layer,
            "Show this layer in place of the image, such as error, irradiance or an AOV", "NAME");
   add_text(*sub, "--channel", options->channel,
            "Channel: R, G, B, X, Y, Z, U, V, I, luminance or length (of a vector); default: the only "
@@ -186,8 +209,9 @@ void add_falsecolor(CLI::App& inspect, Context& context) {
   add_text(*sub, "--range", options->range, "Values at the ends of the scale", "LOW,HIGH");
   add_text(*sub, "--percentiles", options->percentiles,
            "Take the range between two percentiles of the values (default 1,99)", "LOW,HIGH");
+  sub->add_flag("--quiet", source.quiet, "Print no progress");
   sub->add_flag("--json", options->json, "Print JSON");
-  add_farm_options(*sub, options->farm);
+  add_farm_options(*sub, source.farm);
   set_command(*sub, context, run_falsecolor, options);
 }
 
