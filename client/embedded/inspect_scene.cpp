@@ -130,7 +130,10 @@ Result<void> check_no_spot(const OpenedScene& scene) {
 }
 
 Result<inspect::PixelRect> parse_pixel_rect(const std::string& text, const std::string& option) {
-  CANDELA_ASSIGN(const std::vector<double> n, parse_numbers(text, option, 4, 0, 1e6));
+  auto numbers = parse_numbers(text, option, 4, 0, 1e6);
+  if (!numbers && parse_numbers(text, option, 2, 0, 1e6).ok())
+    return std::move(numbers).error().with_mend(fmt::format("for one pixel write {0},{0}", printable(text)));
+  CANDELA_ASSIGN(const std::vector<double> n, std::move(numbers));
   for (const double v : n)
     if (v != std::floor(v)) return usage_error(fmt::format("{} is no pixel", v)).with_field(option);
   const auto at = [&](std::size_t i) { return static_cast<std::uint32_t>(n[i]); };

@@ -55,8 +55,8 @@ class Reader {
   const Json& at(std::string_view name) const { return json_.at(std::string(name)); }
   std::string key(std::string_view name) const { return below(key_, name); }
 
-  Result<std::string> text(std::string_view name) const {
-    if (!has(name)) return error_at(key(name), "it is missing").with_mend("give a text");
+  Result<std::string> text(std::string_view name, const char* mend = "give a text") const {
+    if (!has(name)) return error_at(key(name), "it is missing").with_mend(mend);
     if (!at(name).is_string()) return error_at(key(name), "it is no text");
     return at(name).get<std::string>();
   }
@@ -209,12 +209,12 @@ Result<Edit> read_edit(const Json& json, const std::string& key, const EditList&
   if (!letters::is_region_name(edit.name) || edit.name.size() > kMaxLayerNameBytes)
     return error_at(reader.key("name"), fmt::format("an edit cannot be called {}", quote(edit.name)))
         .with_mend("use letters, digits, '_', '-' and '.', a letter first");
-  CANDELA_ASSIGN(const std::string direction, reader.text("direction"));
+  CANDELA_ASSIGN(const std::string direction, reader.text("direction", R"(write "light" or "eye")"));
   if (direction != "light" && direction != "eye")
     return error_at(reader.key("direction"), fmt::format("{} is no direction", quote(direction)))
         .with_mend("light turns what leaves the vertex, eye where it gathers from");
   edit.direction = direction == "light" ? Edit::Direction::light : Edit::Direction::eye;
-  CANDELA_ASSIGN(edit.select, reader.text("select"));
+  CANDELA_ASSIGN(edit.select, reader.text("select", "write a light path expression, such as LX*S{mirror}"));
   const auto tree = letters::parse_expression(edit.select);
   if (!tree.ok()) {
     Error error = tree.error();

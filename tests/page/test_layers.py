@@ -78,7 +78,7 @@ class Layers(PageTest):
         for i, value in enumerate((140, 120, 159, 139)):
             tab.run(f"(e => {{ e.value = {value}; e.dispatchEvent(new Event('change')); }})(document.querySelectorAll('.fields input')[{i}])")
         self.assertEqual(tab.wait("document.querySelector('.region code').textContent"),
-                         f"candela inspect paths {self.folder}/lit.xml --pixels 140,120,159,139 --size 301x200 --overlay paths.png")
+                         f"candela inspect paths {self.folder}/lit.xml --pixels 140,120,159,139 --size 301x200 --set max_depth=3 --overlay paths.png")
         tab.wait("/^20 × 20 pixels, luminance \\S+ to \\S+, mean/.test(document.querySelector('.region .note').textContent)")
         tab.run("document.querySelector('#ranged').click()")
         tab.wait("/luminance of the rectangle/.test(document.querySelector('.scale .note').textContent)")
@@ -95,6 +95,26 @@ class Layers(PageTest):
             tab.call("Input.dispatchMouseEvent", {"type": kind, "x": box[0] + dx, "y": box[1] + dx, "button": "left", "buttons": 1, "clickCount": 1})
         tab.wait("/^31 × 31 pixels/.test(document.querySelector('.region .note').textContent)")
         self.shot(tab, "rectangle")
+        self.silent(tab)
+        tab.close()
+
+    def test_command_of_an_edited_job(self):
+        """Claim: the command of a rectangle, as the page shows it, finds the light of a job whose edits and longest paths are not those
+        of the scene; the rectangle's panel stands next to the picture, above the mix of lights."""
+        edits = self.folder / "dim.json"
+        edits.write_text(json.dumps({"edits": [{"name": "dim", "direction": "light", "select": "LX*D{floor}", "scale": 0.25}]}, indent=2))
+        job = self.lit_job("--edits", edits, "--set", "max_depth=2")
+        tab = self.browser.open(f"{self.url}/jobs/{job}")
+        tab.wait(self.PICTURE)
+        tab.run("[...document.querySelectorAll('.tools button')].find(b => b.textContent === 'Rectangle').click()")
+        for i, value in enumerate((20, 150, 279, 189)):
+            tab.run(f"(e => {{ e.value = {value}; e.dispatchEvent(new Event('change')); }})(document.querySelectorAll('.fields input')[{i}])")
+        shown = tab.wait("/^260 × 40 pixels, luminance .* mean (\\S+)$/.exec(document.querySelector('.region .note').textContent)?.[1]")
+        command = tab.run("document.querySelector('.region code').textContent")
+        said = json.loads(subprocess.run(command + " --json", shell=True, capture_output=True, text=True, check=True, cwd=self.folder,
+                                         env={**os.environ, "PATH": f"{PROGRAMS}:{os.environ['PATH']}"}).stdout)
+        self.assertAlmostEqual(said["luminance"], float(shown), delta=0.02 * float(shown), msg=command)
+        self.assertLess(*tab.run("['.region', '.mix'].map(e => document.querySelector(e).getBoundingClientRect().top)"))
         self.silent(tab)
         tab.close()
 

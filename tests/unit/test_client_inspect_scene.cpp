@@ -226,6 +226,7 @@ TEST_F(InspectScene, RefusesWhatCannotBe) {
       {{"paths", file, "--pixels", "3,3,1,1"}, "the rectangle is empty"},
       {{"paths", file, "--pixels", "0,0,24,3"}, "pixel 24,3 is not on the film of 24x16"},
       {{"paths", file, "--pixels", "0,0,1"}, "has 3 numbers, not 4"},
+      {{"paths", file, "--pixels", "5,7"}, "has 2 numbers, not 4 (for one pixel write 5,7,5,7)"},
       {{"paths", file, "--pixels", "0,0,1.5,2"}, "1.5 is no pixel"},
       {{"paths", file, "--pixels", "0,0,-1,2"}, "--pixels"},
       {{"paths", file, "--region", "ball:1"}, "--region"},

@@ -265,7 +265,7 @@ TEST(EditRenderers, ChangeTheLobesThatTheySelect) {
   EXPECT_NEAR(diffuse + glossy, 1.5 * whole, 1e-3 * whole);
 }
 
-// Claim: the edits of docs/edits.md are read, and select surfaces of their scenes.
+// Claim: the edits of docs/inspect.md are read, and select surfaces of their scenes.
 TEST(EditRenderers, HaveTheExamples) {
   for (const auto& [scene, edits] : {std::pair<std::string, std::string>{"studio", "edits/caustic.json"},
                                      {"studio", "edits/reflection.json"},
@@ -289,7 +289,7 @@ TEST(EditRenderers, HaveTheExamples) {
     ASSERT_TRUE(plan.ok());
     EXPECT_NE(plan->find("edit '"), std::string::npos) << edits;
     EXPECT_EQ(plan->find(" 0 of "), std::string::npos) << edits << "\n" << *plan;
-    const std::string doc = text_of(test::source_path("docs/edits.md"));
+    const std::string doc = text_of(test::source_path("docs/inspect.md"));
     EXPECT_NE(doc.find(edits), std::string::npos);
   }
 }

@@ -220,7 +220,7 @@ async function jobPage(id) {
   main.replaceChildren(
       h('div', {class: 'jobhead'}, h('div', {}, title, state, saves), h('div', {class: 'buttons'}, ...Object.values(buttons))), message,
       h('div', {class: 'overall'}, meter, percent),
-      h('div', {class: 'columns'}, h('div', {class: 'side'}, h('div', {class: 'stagebox'}, viewer.element), mix.element, region.element, section('Events', events)),
+      h('div', {class: 'columns'}, h('div', {class: 'side'}, h('div', {class: 'stagebox'}, viewer.element), region.element, mix.element, section('Events', events)),
           h('div', {class: 'side'}, list, section('Convergence', h('div', {class: 'switch', role: 'group', 'aria-label': 'Horizontal axis'}, choose('iterations', 'Iterations'), choose('seconds', 'Time')), plot, plotText, luck), section('Workers’ share', shares))),
       h('div', {class: 'below'}, chains, epochs, section('Plan', plan), section('Settings', settings)));
   let settingsShown = '';

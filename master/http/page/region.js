@@ -20,11 +20,14 @@ export function commandLine(label) {
   return {element, show: (text) => { if (code.textContent !== text) { put(code, text); put(said, ''); } }};
 }
 
-// The pixels of a cropped job are those of the whole film; the settings of a job from another machine name no scene.
+// The pixels of a cropped job are those of the whole film; the settings of a job from another machine name no scene. What the
+// job changes in the scene's light, its longest paths and its edits, the command changes too.
 export function pathsCommand(job, [x0, y0, x1, y1]) {
   const {width, height, crop} = job.settings, [dx, dy] = crop ? [crop.x, crop.y] : [0, 0];
   const size = crop ? `${crop.whole_width}x${crop.whole_height}` : `${width}x${height}`;
-  return ['candela inspect paths', quoted(job.scene_path || 'SCENE'), '--pixels', [x0 + dx, y0 + dy, x1 + dx, y1 + dy].join(), '--size', size, ...(job.settings.edits ? ['--edits edits.json'] : []), '--overlay paths.png'].join(' ');
+  const {edits, integrator_settings: {max_depth}} = job.settings;
+  return ['candela inspect paths', quoted(job.scene_path || 'SCENE'), '--pixels', [x0 + dx, y0 + dy, x1 + dx, y1 + dy].join(), '--size', size,
+    ...(max_depth ? ['--set', quoted('max_depth=' + max_depth)] : []), ...(edits ? ['--edits', quoted(JSON.stringify(JSON.parse(edits)))] : []), '--overlay paths.png'].join(' ');
 }
 
 export class Region {
