@@ -65,8 +65,8 @@ class Part {
 // digest of a test is then the same in the program of all tests and alone.
 std::string in_this_test(std::string_view key);
 
-// Number of iterations at each end of `iterations` that the probe renders, so that one batch of `batches` costs
-// about a sixteenth of all; the two do not overlap, and are everything if there are 16 batches.
+// Number of iterations at each end of `iterations` that the probe renders, so that one batch of `batches`
+// costs about a sixteenth of all; the two do not overlap, and are everything if there are 16 batches.
 struct Ends {
   std::uint64_t first = 0, last = 0;
 };
