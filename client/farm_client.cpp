@@ -92,13 +92,19 @@ struct FarmClient::State {
     return response;
   }
 
-  Result<v1::JobStatus> job_call(grpc::Status (v1::FarmService::Stub::*method)(grpc::ClientContext*,
-                                                                               const v1::JobRequest&,
-                                                                               v1::JobStatus*),
-                                 const std::string& id) const {
-    v1::JobRequest request;
-    request.set_job_id(id);
-    return unary<v1::JobStatus>(method, request);
+  // A call whose request is the id of a job, a group or a worker.
+  template <class Request, class Response>
+  Result<Response> call(grpc::Status (v1::FarmService::Stub::*method)(grpc::ClientContext*, const Request&,
+                                                                      Response*),
+                        const std::string& id) const {
+    Request request;
+    if constexpr (requires { request.set_job_id(id); })
+      request.set_job_id(id);
+    else if constexpr (requires { request.set_group_id(id); })
+      request.set_group_id(id);
+    else
+      request.set_worker_id(id);
+    return unary<Response>(method, request);
   }
 };
 
@@ -268,9 +274,7 @@ Result<v1::ListJobsResponse> FarmClient::list_jobs(const JobQuery& query) {
 }
 
 Result<v1::JobStatus> FarmClient::get_job(const std::string& id) {
-  v1::GetJobRequest request;
-  request.set_job_id(id);
-  return state_->unary<v1::JobStatus>(&v1::FarmService::Stub::GetJob, request);
+  return state_->call(&v1::FarmService::Stub::GetJob, id);
 }
 
 Result<v1::FindJobsResponse> FarmClient::find_jobs(const std::vector<std::string>& words) {
@@ -298,9 +302,7 @@ Result<v1::FindJobsResponse> FarmClient::find_jobs(const std::vector<std::string
 }
 
 Result<v1::GroupStatus> FarmClient::get_group(const std::string& id) {
-  v1::GetGroupRequest request;
-  request.set_group_id(id);
-  return state_->unary<v1::GroupStatus>(&v1::FarmService::Stub::GetGroup, request);
+  return state_->call(&v1::FarmService::Stub::GetGroup, id);
 }
 
 Result<v1::GroupStatus> FarmClient::steer_group(v1::SteerGroupRequest request) {
@@ -310,13 +312,13 @@ Result<v1::GroupStatus> FarmClient::steer_group(v1::SteerGroupRequest request) {
 }
 
 Result<v1::JobStatus> FarmClient::pause_job(const std::string& id) {
-  return state_->job_call(&v1::FarmService::Stub::PauseJob, id);
+  return state_->call(&v1::FarmService::Stub::PauseJob, id);
 }
 Result<v1::JobStatus> FarmClient::resume_job(const std::string& id) {
-  return state_->job_call(&v1::FarmService::Stub::ResumeJob, id);
+  return state_->call(&v1::FarmService::Stub::ResumeJob, id);
 }
 Result<v1::JobStatus> FarmClient::cancel_job(const std::string& id) {
-  return state_->job_call(&v1::FarmService::Stub::CancelJob, id);
+  return state_->call(&v1::FarmService::Stub::CancelJob, id);
 }
 
 Result<v1::JobStatus> FarmClient::set_priority(const std::string& id, std::int32_t priority) {
@@ -396,33 +398,23 @@ Result<v1::ListWorkersResponse> FarmClient::list_workers() {
 }
 
 Result<v1::WorkerStatus> FarmClient::drain_worker(const std::string& id) {
-  v1::DrainWorkerRequest request;
-  request.set_worker_id(id);
-  return state_->unary<v1::WorkerStatus>(&v1::FarmService::Stub::DrainWorker, request);
+  return state_->call(&v1::FarmService::Stub::DrainWorker, id);
 }
 
 Result<v1::WorkerStatus> FarmClient::pause_worker(const std::string& id) {
-  v1::WorkerRequest request;
-  request.set_worker_id(id);
-  return state_->unary<v1::WorkerStatus>(&v1::FarmService::Stub::PauseWorker, request);
+  return state_->call(&v1::FarmService::Stub::PauseWorker, id);
 }
 
 Result<v1::WorkerStatus> FarmClient::resume_worker(const std::string& id) {
-  v1::WorkerRequest request;
-  request.set_worker_id(id);
-  return state_->unary<v1::WorkerStatus>(&v1::FarmService::Stub::ResumeWorker, request);
+  return state_->call(&v1::FarmService::Stub::ResumeWorker, id);
 }
 
 Result<v1::TrustResponse> FarmClient::distrust_worker(const std::string& id) {
-  v1::WorkerRequest request;
-  request.set_worker_id(id);
-  return state_->unary<v1::TrustResponse>(&v1::FarmService::Stub::DistrustWorker, request);
+  return state_->call(&v1::FarmService::Stub::DistrustWorker, id);
 }
 
 Result<v1::TrustResponse> FarmClient::trust_worker(const std::string& word) {
-  v1::WorkerRequest request;
-  request.set_worker_id(word);
-  return state_->unary<v1::TrustResponse>(&v1::FarmService::Stub::TrustWorker, request);
+  return state_->call(&v1::FarmService::Stub::TrustWorker, word);
 }
 
 Result<std::string> FarmClient::fetch_image(const std::string& id, const ImageRequest& image) {

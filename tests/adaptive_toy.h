@@ -75,28 +75,13 @@ inline constexpr int kToyFilmScale = 19;  // of a mean of 1
 inline EpochPlan toy_epochs(std::string rule, std::uint64_t first, std::uint32_t growth, std::uint32_t lag) {
   return {first, growth, lag, std::move(rule), {}};
 }
-inline ToyPlan fppm_plan(EpochPlan epochs, double alpha, double k, const std::string& test,
-                         std::uint32_t colors = 1) {
+inline ToyPlan fppm_plan(EpochPlan epochs, double alpha, double k, std::uint32_t colors = 1) {
   constexpr int n = 12;
   adaptive::put_levels(adaptive::levels_above(k, 0.001, 0.75), epochs.constants);
   epochs.constants["critical"] =
       std::to_string(adaptive::critical_integer(adaptive::chi_squared_quantile(alpha, n - 1) / (n - 1)));
-  epochs.constants["test"] = test;
   return {epochs,
           {adaptive::sectors_spec(kToyFilmScale, colors), adaptive::squares_spec(kToyFilmScale, colors)}};
-}
-// Rings and nested discs: `test` is as in the plan.
-inline ToyPlan rings_plan(EpochPlan epochs, const std::string& test, bool rings) {
-  const int n = test == "sectors" ? 12 : 6;
-  adaptive::put_levels({std::sqrt(0.5), adaptive::kRings - 2, {}}, epochs.constants);
-  epochs.constants["critical"] =
-      std::to_string(adaptive::critical_integer(adaptive::chi_squared_quantile(0.01, n - 1) / (n - 1)));
-  epochs.constants["test"] = test;
-  epochs.constants["rings"] = rings ? "1" : "0";
-  epochs.constants["kappa"] = "3";
-  return {epochs,
-          {rings ? adaptive::ring_sectors_spec(kToyFilmScale) : adaptive::discs_spec(kToyFilmScale),
-           adaptive::ring_squares_spec(kToyFilmScale)}};
 }
 inline ToyPlan cppm_plan(EpochPlan epochs, double alpha) {
   const double factor = std::exp2(-1.0 / 6);
@@ -214,8 +199,6 @@ class AdaptiveToy {
               const std::string& state) {
     constexpr double kPi = 3.14159265358979323846, kR1 = ToyCase::kFirstRadius;
     const bool plug_in = plan_.epochs.rule == "appm", counts = plan_.epochs.rule == "cppm";
-    const std::string& first_sums = plan_.accumulators[0].name;
-    const bool discs = first_sums == adaptive::kDiscs, rings = discs || first_sums == adaptive::kRingSectors;
     const double r = radii_[static_cast<std::size_t>(level(state, pixel))];
     const bool reference = plug_in && plan_.accumulators.size() == 3;
     const double h = reference ? kR1 * adaptive::pilot_of_level(level(state, pixels_ + pixel))
@@ -226,7 +209,6 @@ class AdaptiveToy {
     const std::uint64_t photons =
         draws_.poisson(static_cast<double>(passes) * ToyCase::kDensity * bound * kPi * reach * reach);
     std::vector<film::Int128> sums(plan_.accumulators[0].channels);
-    std::array<film::Int128, adaptive::kRings> of_rings{};
     film::Int128 squares = 0, laplacian = 0, mean = 0;
     for (std::uint64_t i = 0; i < photons; ++i) {
       const double rho = reach * std::sqrt(draws_.uniform()), angle = 2 * kPi * draws_.uniform();
@@ -244,14 +226,7 @@ class AdaptiveToy {
         if (stencil != 0) laplacian += units(1, phi * stencil * kR1 * kR1 * kR1 * kR1 / (h * h * h * h));
         continue;
       }
-      if (rings) {
-        const int ring = adaptive::ring_of(x * x + y * y, kR1 * kR1, level(state, pixel));
-        const int channel = discs ? ring : ring * adaptive::kSectorsPerRing + adaptive::disc_sector(x, y);
-        sums[static_cast<std::size_t>(channel)] += units(0, phi);
-        of_rings[static_cast<std::size_t>(ring)] += units(1, phi * phi);
-        continue;
-      }
-      const auto channel = static_cast<std::size_t>(adaptive::disc_channel(x, y, r * r));
+      const auto channel = static_cast<std::size_t>(adaptive::disc_channel_of(x, y, r * r));
       sums[channel] += counts ? 1 : units(0, phi);
       if (!counts) squares += units(1, phi * phi);
     }
@@ -268,8 +243,7 @@ class AdaptiveToy {
       if (reference) add(open[2], {&mean, 1});
     } else {
       add(open[0], sums);
-      if (rings) add(open[1], of_rings);
-      if (!counts && !rings) add(open[1], {&squares, 1});
+      if (!counts) add(open[1], {&squares, 1});
     }
   }
 

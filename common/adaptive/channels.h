@@ -25,15 +25,7 @@ inline constexpr int kSectorChannels = 12;
 inline constexpr const char* kSectors = "fppm.sectors";
 inline constexpr const char* kSquares = "fppm.squares";  // sum of phi^2 over all sectors, one for each color
 inline constexpr int kColors = 3;
-// Statistics that outlive a radius. Ring g has the photons at distances from r_1 2^(-(g+1)/2) to r_1
-// 2^(-g/2), the last ring all that are nearer. kRings sums and kRings sums of squares, or 6 sectors a ring:
-// ring * 6 + sector.
-inline constexpr int kRings = 12;
-inline constexpr int kRingSectorChannels = kRings * kSectorsPerRing;
-inline constexpr const char* kDiscs = "fppm.discs";               // sum of phi
-inline constexpr const char* kRingSectors = "fppm.rings";         // sum of phi
-inline constexpr const char* kRingSquares = "fppm.ring_squares";  // sum of phi^2, of all sectors
-inline constexpr const char* kCounts = "cppm.counts";             // number of photons; kSectorChannels
+inline constexpr const char* kCounts = "cppm.counts";  // number of photons; kSectorChannels
 // The sums of merges on surfaces. If media merge too, a second channel has the sums of merges in media, with
 // 4/3 pi r_1^3 in place of pi r_1^2.
 inline constexpr const char* kMoments = "appm.moments";      // sum of phi^2 k_r(y) pi r_1^2
@@ -61,16 +53,6 @@ inline film::AccumulatorSpec sectors_spec(int film_scale_log2, std::uint32_t col
 inline film::AccumulatorSpec squares_spec(int film_scale_log2, std::uint32_t colors = 1) {
   return {kSquares, colors, square_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};
 }
-inline film::AccumulatorSpec discs_spec(int film_scale_log2) {
-  return {kDiscs, kRings, sector_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};
-}
-inline film::AccumulatorSpec ring_sectors_spec(int film_scale_log2) {
-  return {kRingSectors, kRingSectorChannels, sector_scale(film_scale_log2),
-          film::AccumulatorSpec::Per::epoch};
-}
-inline film::AccumulatorSpec ring_squares_spec(int film_scale_log2) {
-  return {kRingSquares, kRings, square_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};
-}
 inline film::AccumulatorSpec counts_spec() {
   return {kCounts, kSectorChannels, 0, film::AccumulatorSpec::Per::epoch};
 }
@@ -93,39 +75,12 @@ int disc_sector_of(Real u, Real v) {  // without branches: loops over it become 
   const Real a = lower ? -u : u, b = lower ? -v : v;
   return (lower ? 3 : 0) + (b < kSqrt3 * a ? 0 : 1) + (b > -kSqrt3 * a ? 0 : 1);
 }
-inline int disc_sector(double u, double v) {
-  return disc_sector_of(u, v);
-}
 
 // A photon at (u, v) in the disc of this squared radius.
 template <class Real>
 int disc_channel_of(Real u, Real v, Real radius_squared) {
   const int annulus = 2 * (u * u + v * v) < radius_squared ? 0 : 1;
   return annulus * kSectorsPerRing + disc_sector_of(u, v);
-}
-inline int disc_channel(double u, double v, double radius_squared) {
-  return disc_channel_of(u, v, radius_squared);
-}
-
-// The ring of a photon at this squared distance, for squares in the same unit of length; `level` is that of
-// the pixel, whose radius is the photon's bound but for rounding.
-inline int ring_of(double distance_squared, double first_radius_squared, int level) {
-  int ring = 0;
-  double border = first_radius_squared / 2;
-  for (; ring < kRings - 1 && (ring < level || distance_squared <= border); ++ring) border /= 2;
-  return ring < kRings - 1 ? ring : kRings - 1;
-}
-
-// The share of ring g of a disc over its share of a ball of the same radius: a ball's phi times this has the
-// means of a disc's in an even field.
-inline double ball_ring_weight(int ring) {
-  constexpr double kBallFactor = 0.35355339059327379;  // 2^(-3/2): of volumes, from level to level
-  double disc = 1, ball = 1;
-  for (int g = 0; g < ring; ++g) {
-    disc /= 2;
-    ball *= kBallFactor;
-  }
-  return ring == kRings - 1 ? disc / ball : disc / 2 / (ball * (1 - kBallFactor));
 }
 
 // A photon at (x, y, z) in the ball of this radius: the sector is the face of the cube that the direction

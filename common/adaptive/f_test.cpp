@@ -58,14 +58,4 @@ bool few_contributions(const SectorSums& sums, std::uint64_t number) {
   return size * size <= right;
 }
 
-std::array<Int128, kSectorChannels / 2> antipodal(std::span<const Int128, kSectorChannels> sums) {
-  constexpr int kPairs = kSectorsPerRing / 2;
-  std::array<Int128, kSectorChannels / 2> pairs{};
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const std::size_t first = i / kPairs * kSectorsPerRing + i % kPairs;
-    pairs[i] = sums[first] + sums[first + kPairs];
-  }
-  return pairs;
-}
-
 }  // namespace candela::adaptive

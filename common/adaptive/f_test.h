@@ -8,8 +8,6 @@
 // (n - 1) F tends to chi-squared with n - 1 degrees of freedom.
 #pragma once
 
-#include <array>
-#include <cstddef>
 #include <cstdint>
 #include <span>
 
@@ -38,8 +36,5 @@ bool f_exceeds(const SectorSums& sums, std::uint64_t critical);
 // (sum_s S_s)^2 <= number Q: the sums come from as few contributions, counted as equal ones. True if Q is not
 // above 0. Reduces sums as f_exceeds() does. Preconditions: of f_exceeds(); number < 2^32.
 bool few_contributions(const SectorSums& sums, std::uint64_t number);
-
-// Each sector with its opposite: 6 sums of 12. They do not see fields that are odd about the center.
-std::array<Int128, kSectorChannels / 2> antipodal(std::span<const Int128, kSectorChannels> sums);
 
 }  // namespace candela::adaptive

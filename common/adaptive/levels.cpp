@@ -144,15 +144,6 @@ Result<std::uint64_t> get_integer(const SettingsMap& constants, std::string_view
   return value;
 }
 
-Result<std::string> get_word(const SettingsMap& constants, std::string_view name,
-                             const std::vector<std::string>& words, std::string_view by_default) {
-  const auto found = constants.find(std::string(name));
-  if (found == constants.end()) return std::string(by_default);
-  if (std::find(words.begin(), words.end(), found->second) == words.end())
-    return constant_error(name, fmt::format("'{}' is not one of {}", found->second, joined(words, ", ")));
-  return found->second;
-}
-
 std::uint64_t critical_integer(double value) {
   return static_cast<std::uint64_t>(std::floor(value * 0x1p32 + 0.5));
 }

@@ -52,9 +52,6 @@ Result<Levels> get_levels(const SettingsMap& constants);
 std::string constant_text(double value);
 Result<double> get_number(const SettingsMap& constants, std::string_view name);
 Result<std::uint64_t> get_integer(const SettingsMap& constants, std::string_view name);
-// One of the words; the default if the constant is absent.
-Result<std::string> get_word(const SettingsMap& constants, std::string_view name,
-                             const std::vector<std::string>& words, std::string_view by_default);
 
 // round(value * 2^32): critical values, which decisions take as integers. Precondition: 0 <= value < 2^31.
 std::uint64_t critical_integer(double value);

@@ -9,14 +9,11 @@
 // samples, since the eye path met nothing to light, are not among them, and their share of the image is in no
 // control.
 //
-//   direct       alpha from the same sums; biased by O(1/T), consistent
-//   progressive  alpha of an epoch from all epochs before it; unbiased
-//   crossfit     alpha of each half from the other half; unbiased
+//   direct    alpha from the same sums; biased by O(1/T), consistent
+//   crossfit  alpha of each half from the other half; unbiased
 #pragma once
 
 #include <array>
-#include <cstddef>
-#include <span>
 
 #include "common/mis/sums.h"
 

@@ -14,10 +14,6 @@ using film::AccumulatorSpec;
 constexpr const char* kCounts = "counts";  // of samples in a batch, by technique: "1,1,2"
 constexpr int kMaxCount = 1 << 16;
 
-constexpr std::uint32_t parts(AccumulatorSpec::Per per) {
-  return per == AccumulatorSpec::Per::epoch ? 2 : 1;
-}
-
 double unit_value(const film::MergedAccumulator& sums) {
   return std::ldexp(1.0, -sums.spec().scale_log2);
 }
@@ -34,22 +30,20 @@ std::string name_of(std::string_view accumulator, std::size_t group) {
   return group == 0 ? std::string(accumulator) : fmt::format("{}.{}", accumulator, group);
 }
 
-std::vector<AccumulatorSpec> specs(std::size_t techniques, int film_scale_log2, AccumulatorSpec::Per per,
-                                   std::size_t groups) {
+std::vector<AccumulatorSpec> specs(std::size_t techniques, int film_scale_log2, std::size_t groups) {
   std::vector<AccumulatorSpec> out;
   for (std::size_t g = 0; g < groups; ++g) {
-    out.push_back({name_of(kMatrix, g), parts(per) * matrix_channels(techniques), kMatrixScale, per});
-    out.push_back({name_of(kVector, g), parts(per) * vector_channels(techniques),
-                   std::min(film_scale_log2 + kVectorBits, film::kMaxScaleLog2), per});
+    out.push_back({name_of(kMatrix, g), matrix_channels(techniques), kMatrixScale});
+    out.push_back({name_of(kVector, g), vector_channels(techniques),
+                   std::min(film_scale_log2 + kVectorBits, film::kMaxScaleLog2)});
   }
   return out;
 }
 
-bool has_specs(const std::vector<AccumulatorSpec>& accumulators, std::size_t techniques,
-               AccumulatorSpec::Per per, std::size_t groups) {
+bool has_specs(const std::vector<AccumulatorSpec>& accumulators, std::size_t techniques, std::size_t groups) {
   const auto has = [&](const std::string& name, std::uint32_t channels) {
     return std::any_of(accumulators.begin(), accumulators.end(), [&](const AccumulatorSpec& spec) {
-      return spec.name == name && spec.channels == parts(per) * channels && spec.per == per &&
+      return spec.name == name && spec.channels == channels && spec.per == AccumulatorSpec::Per::job &&
              spec.domain == AccumulatorSpec::Domain::film;
     });
   };
@@ -87,18 +81,18 @@ Result<mis::Allocation> parse_counts(const SettingsMap& constants) {
 }
 
 mis::Sums read(const film::MergedAccumulator* matrix, const film::MergedAccumulator* vector, std::uint32_t x,
-               std::uint32_t y, std::size_t techniques, std::uint32_t part) {
+               std::uint32_t y, std::size_t techniques) {
   mis::Sums sums;
   if (matrix == nullptr || vector == nullptr) return sums;
   const std::uint32_t entries = matrix_channels(techniques), light = vector_channels(techniques);
   const double per_matrix = unit_value(*matrix), per_vector = unit_value(*vector);
   std::array<film::Int128, film::kMaxAccumulatorChannels> units;  // those asked for are set
-  matrix->get_pixel(x, y, std::span(units).first((part + 1) * entries));
-  for (std::uint32_t i = 0; i < entries; ++i) sums.a[i] = to_double(units[part * entries + i]) * per_matrix;
-  vector->get_pixel(x, y, std::span(units).first((part + 1) * light));
+  matrix->get_pixel(x, y, std::span(units).first(entries));
+  for (std::uint32_t i = 0; i < entries; ++i) sums.a[i] = to_double(units[i]) * per_matrix;
+  vector->get_pixel(x, y, std::span(units).first(light));
   for (std::uint32_t k = 0; k < mis::kColors; ++k)
     for (std::uint32_t i = 0; i < techniques; ++i)
-      sums.b[k][i] = to_double(units[part * light + k * techniques + i]) * per_vector;
+      sums.b[k][i] = to_double(units[k * techniques + i]) * per_vector;
   return sums;
 }
 

@@ -1,9 +1,7 @@
 // The accumulators of optimal multiple importance sampling (common/mis/sums.h): names, channels and scales,
-// and the sums of a pixel read from them. An accumulator of an epoch has the channels of half 0, then those
-// of half 1. Each group of lights has a pair of accumulators.
+// and the sums of a pixel read from them. Each group of lights has a pair of accumulators.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -39,18 +37,17 @@ static_assert(2 * kMaxGroups <= film::kMaxAccumulators);
 std::string name_of(std::string_view accumulator, std::size_t group);
 
 // Accumulators of the plan of work: for each group matrix and vector, in this order.
-std::vector<film::AccumulatorSpec> specs(std::size_t techniques, int film_scale_log2,
-                                         film::AccumulatorSpec::Per per, std::size_t groups = 1);
+std::vector<film::AccumulatorSpec> specs(std::size_t techniques, int film_scale_log2, std::size_t groups = 1);
 bool has_specs(const std::vector<film::AccumulatorSpec>& accumulators, std::size_t techniques,
-               film::AccumulatorSpec::Per per, std::size_t groups = 1);
+               std::size_t groups);
 
 // The numbers of samples as constants of a plan, and back. Precondition: counts are integers.
 std::string counts_text(const mis::Allocation& allocation);
 // Fails (input) unless there are 1 to kMaxTechniques whole numbers from 1 to 2^16. The error has no field.
 Result<mis::Allocation> parse_counts(const SettingsMap& constants);
 
-// The sums of a pixel. Null accumulators: zeros. `part`: 0, or the half that is read of an epoch's.
+// The sums of a pixel. Null accumulators: zeros.
 mis::Sums read(const film::MergedAccumulator* matrix, const film::MergedAccumulator* vector, std::uint32_t x,
-               std::uint32_t y, std::size_t techniques, std::uint32_t part);
+               std::uint32_t y, std::size_t techniques);
 
 }  // namespace candela::pixel_sums

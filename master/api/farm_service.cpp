@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <optional>
 #include <set>
 #include <thread>
@@ -56,6 +55,36 @@ Result<film::MergedFilm::Which> half_of(v1::FetchImageRequest::Half half) {
     default:
       return usage_error("there is no such half").with_field("half");
   }
+}
+
+Result<void> check_token(const v1::ExtendJobRequest& request, const char* field) {
+  if (request.idempotency_token().size() <= Limits::max_name_bytes) return {};
+  return input_error(fmt::format("longer than {} bytes", Limits::max_name_bytes)).with_field(field);
+}
+
+Extension extension_of(const v1::ExtendJobRequest& request) {
+  return {request.add_iterations(), request.add_time_seconds(), request.relmse(),
+          request.idempotency_token()};
+}
+
+// Answers with what was made, or with its error.
+template <class T, class Message>
+grpc::Status answer(Result<T> made, Message* response) {
+  if (!made.ok()) return wire::to_status(made.error());
+  if constexpr (std::is_same_v<T, Message>)
+    *response = std::move(*made);
+  else
+    *response = to_message(*made);
+  return grpc::Status::OK;
+}
+
+// Answers with what was found. what, id: of the one that is not there.
+template <class T, class Message>
+grpc::Status answer(const std::optional<T>& found, Message* response, const char* what,
+                    const std::string& id) {
+  if (!found) return not_found(what, id);
+  *response = to_message(*found);
+  return grpc::Status::OK;
 }
 
 std::vector<std::string> job_ids(const Scheduler& scheduler) {
@@ -169,41 +198,24 @@ grpc::Status FarmServiceImpl::Submit(grpc::ServerContext* context, const v1::Sub
 
 grpc::Status FarmServiceImpl::ListJobs(grpc::ServerContext* context, const v1::ListJobsRequest* request,
                                        v1::ListJobsResponse* response) {
-  return guarded([&] {
-    auto page = list_jobs(farm_, *request, access_.caller(*context).name);
-    if (!page.ok()) return wire::to_status(page.error());
-    *response = std::move(*page);
-    return grpc::Status::OK;
-  });
+  return guarded([&] { return answer(list_jobs(farm_, *request, access_.caller(*context).name), response); });
 }
 
 grpc::Status FarmServiceImpl::GetJob(grpc::ServerContext*, const v1::GetJobRequest* request,
                                      v1::JobStatus* response) {
-  return guarded([&] {
-    const auto status = farm_.full_status(request->job_id());
-    if (!status) return not_found("job", request->job_id());
-    *response = to_message(*status);
-    return grpc::Status::OK;
-  });
+  return guarded(
+      [&] { return answer(farm_.full_status(request->job_id()), response, "job", request->job_id()); });
 }
 
 grpc::Status FarmServiceImpl::FindJobs(grpc::ServerContext*, const v1::FindJobsRequest* request,
                                        v1::FindJobsResponse* response) {
-  return guarded([&] {
-    auto found = find_jobs(farm_, *request);
-    if (!found.ok()) return wire::to_status(found.error());
-    *response = std::move(*found);
-    return grpc::Status::OK;
-  });
+  return guarded([&] { return answer(find_jobs(farm_, *request), response); });
 }
 
 grpc::Status FarmServiceImpl::GetGroup(grpc::ServerContext*, const v1::GetGroupRequest* request,
                                        v1::GroupStatus* response) {
   return guarded([&] {
-    const auto status = farm_.group_status(request->group_id());
-    if (!status) return not_found("group", request->group_id());
-    *response = to_message(*status);
-    return grpc::Status::OK;
+    return answer(farm_.group_status(request->group_id()), response, "group", request->group_id());
   });
 }
 
@@ -216,20 +228,14 @@ grpc::Status FarmServiceImpl::SteerGroup(grpc::ServerContext*, const v1::SteerGr
         request->action() > v1::SteerGroupRequest::ACTION_EXTEND)
       return wire::to_status(input_error("there is no such action").with_field("action"));
     const v1::ExtendJobRequest& extend = request->extend();
-    if (extend.idempotency_token().size() > Limits::max_name_bytes)
-      return wire::to_status(input_error(fmt::format("longer than {} bytes", Limits::max_name_bytes))
-                                 .with_field("extend.idempotency_token"));
+    if (auto checked = check_token(extend, "extend.idempotency_token"); !checked.ok())
+      return wire::to_status(checked.error());
     GroupAction action{
         static_cast<GroupAction::Kind>(request->action() - v1::SteerGroupRequest::ACTION_PAUSE),
         request->priority(),
         {}};
-    if (action.kind == GroupAction::Kind::extend)
-      action.extension = {extend.add_iterations(), extend.add_time_seconds(), extend.relmse(),
-                          extend.idempotency_token()};
-    const auto status = farm_.steer_group(request->group_id(), action);
-    if (!status.ok()) return wire::to_status(status.error());
-    *response = to_message(*status);
-    return grpc::Status::OK;
+    if (action.kind == GroupAction::Kind::extend) action.extension = extension_of(extend);
+    return answer(farm_.steer_group(request->group_id(), action), response);
   });
 }
 
@@ -313,65 +319,53 @@ grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext* context, const v1:
 
 namespace {
 
-template <class F>
-grpc::Status change(Farm& farm, const std::string& job_id, v1::JobStatus* response, F&& f) {
+// Changes a job by `change()`, which returns how it stands then.
+template <class Change>
+grpc::Status change(Farm& farm, const std::string& job_id, v1::JobStatus* response, Change&& change) {
   return guarded([&] {
     if (farm.stopping()) return stopping_status();
     if (!farm.status(job_id)) return not_found("job", job_id);
-    const auto status = farm.change_job(job_id, f);
-    if (!status.ok()) return wire::to_status(status.error());
-    *response = to_message(*status);
-    return grpc::Status::OK;
+    return answer(change(), response);
   });
+}
+
+// The same by `f(scheduler, now)`.
+template <class F>
+grpc::Status change_by(Farm& farm, const std::string& job_id, v1::JobStatus* response, F&& f) {
+  return change(farm, job_id, response, [&] { return farm.change_job(job_id, f); });
 }
 
 }  // namespace
 
 grpc::Status FarmServiceImpl::PauseJob(grpc::ServerContext*, const v1::JobRequest* request,
                                        v1::JobStatus* response) {
-  return change(farm_, request->job_id(), response,
-                [&](Scheduler& s, Now now) { return s.pause(request->job_id(), now); });
+  return change_by(farm_, request->job_id(), response,
+                   [&](Scheduler& s, Now now) { return s.pause(request->job_id(), now); });
 }
 
 grpc::Status FarmServiceImpl::ResumeJob(grpc::ServerContext*, const v1::JobRequest* request,
                                         v1::JobStatus* response) {
-  return guarded([&] {
-    if (farm_.stopping()) return stopping_status();
-    if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
-    const auto status = farm_.resume(request->job_id());
-    if (!status.ok()) return wire::to_status(status.error());
-    *response = to_message(*status);
-    return grpc::Status::OK;
-  });
+  return change(farm_, request->job_id(), response, [&] { return farm_.resume(request->job_id()); });
 }
 
 grpc::Status FarmServiceImpl::CancelJob(grpc::ServerContext*, const v1::JobRequest* request,
                                         v1::JobStatus* response) {
-  return change(farm_, request->job_id(), response,
-                [&](Scheduler& s, Now now) { return s.cancel(request->job_id(), now); });
+  return change_by(farm_, request->job_id(), response,
+                   [&](Scheduler& s, Now now) { return s.cancel(request->job_id(), now); });
 }
 
 grpc::Status FarmServiceImpl::SetPriority(grpc::ServerContext*, const v1::SetPriorityRequest* request,
                                           v1::JobStatus* response) {
-  return change(farm_, request->job_id(), response, [&](Scheduler& s, Now now) {
+  return change_by(farm_, request->job_id(), response, [&](Scheduler& s, Now now) {
     return s.set_priority(request->job_id(), request->priority(), now);
   });
 }
 
 grpc::Status FarmServiceImpl::ExtendJob(grpc::ServerContext*, const v1::ExtendJobRequest* request,
                                         v1::JobStatus* response) {
-  return guarded([&] {
-    if (farm_.stopping()) return stopping_status();
-    if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
-    if (request->idempotency_token().size() > Limits::max_name_bytes)
-      return wire::to_status(input_error(fmt::format("longer than {} bytes", Limits::max_name_bytes))
-                                 .with_field("idempotency_token"));
-    const auto status =
-        farm_.extend(request->job_id(), {request->add_iterations(), request->add_time_seconds(),
-                                         request->relmse(), request->idempotency_token()});
-    if (!status.ok()) return wire::to_status(status.error());
-    *response = to_message(*status);
-    return grpc::Status::OK;
+  return change(farm_, request->job_id(), response, [&]() -> Result<JobStatus> {
+    CANDELA_TRY(check_token(*request, "idempotency_token"));
+    return farm_.extend(request->job_id(), extension_of(*request));
   });
 }
 
@@ -513,10 +507,7 @@ grpc::Status FarmServiceImpl::GetLedger(grpc::ServerContext*, const v1::GetLedge
                                         v1::GetLedgerResponse* response) {
   return guarded([&] {
     if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
-    const auto ledger = farm_.ledger(request->job_id());
-    if (!ledger.ok()) return wire::to_status(ledger.error());
-    *response = to_message(*ledger);
-    return grpc::Status::OK;
+    return answer(farm_.ledger(request->job_id()), response);
   });
 }
 
@@ -546,10 +537,8 @@ grpc::Status FarmServiceImpl::RepairJob(grpc::ServerContext*, const v1::JobReque
     if (farm_.stopping()) return stopping_status();
     const auto known = farm_.truth().repair(request->job_id());
     if (!known.ok()) return wire::to_status(known.error());
-    const auto status = farm_.status(request->job_id());
-    if (!*known || !status) return not_found("job", request->job_id());
-    *response = to_message(*status);
-    return grpc::Status::OK;
+    if (!*known) return not_found("job", request->job_id());
+    return answer(farm_.status(request->job_id()), response, "job", request->job_id());
   });
 }
 

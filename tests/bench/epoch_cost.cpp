@@ -138,8 +138,6 @@ int main(int argc, char** argv) {
 
   const Method methods[] = {
       {"fppm", "fppm", {}},
-      {"fppm, nested", "fppm", {{"test", "nested"}}},
-      {"fppm, rings", "fppm", {{"rings", "true"}}},
       {"cppm", "cppm", {}},
       {"appm", "appm", {}},
       {"vcmplus", "vcmplus", {}},

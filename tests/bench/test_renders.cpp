@@ -197,12 +197,11 @@ RunSpec small_render(const std::string& integrator, SettingsMap given = {}) {
 }
 
 TEST(Rendering, SlicesAndProcessesChangeNoBit) {
-  const std::vector<std::pair<std::string, SettingsMap>> cases = {
-      {"path", {}},
-      {"ppm", {}},
-      {"pssmlt", {}},
-      {"optimis", {{"weights", "optimal"}}},
-      {"optimis", {{"estimator", "progressive"}}}};
+  const std::vector<std::pair<std::string, SettingsMap>> cases = {{"path", {}},
+                                                                  {"ppm", {}},
+                                                                  {"pssmlt", {}},
+                                                                  {"optimis", {{"weights", "optimal"}}},
+                                                                  {"optimis", {{"selection", "trained"}}}};
   for (const auto& [integrator, given] : cases) {
     SCOPED_TRACE(integrator);
     const RunSpec run = small_render(integrator, given);

@@ -71,15 +71,8 @@ std::vector<JobKind> job_kinds() {
   for (const test::IntegratorRow& row : test::integrators()) {
     SettingsMap chosen(row.small.begin(), row.small.end());
     add(row.name, row.name, chosen);
-    if (row.name == "fppm") {
-      chosen.insert({{"test", "nested"}, {"rings", "true"}});
-      add("fppm with rings", row.name, chosen);
-    }
-    if (row.name == "optimis") {
-      add("optimis, progressive", row.name,
-          {{"estimator", "progressive"}, {"epoch_min", "2"}, {"growth", "16"}});
+    if (row.name == "optimis")
       add("optimis, trained", row.name, {{"selection", "trained"}, {"epoch_min", "2"}, {"growth", "16"}});
-    }
   }
   // AOVs are accumulators beside the integrator's own; mattes have keys.
   for (const std::string integrator : {"path", "appm"}) {

@@ -27,7 +27,7 @@ namespace {
 
 using Digests = std::set<std::string>;  // a set, since batches may come in any order
 
-// What one test rendered.
+// Scenes that one test rendered, and their films.
 struct Record {
   std::set<std::string> rendered;        // scenes with their settings
   Digests facts;                         // outside of parts

@@ -13,7 +13,7 @@
 // A test may consist of parts (Part), each with a line of its own: a new integrator does not have those
 // that were there before compared again.
 //
-// What a digest covers: the test's source file, the sources of the arithmetic (judge_sources), every film of
+// A digest covers the test's source file, the sources of the arithmetic (judge_sources), every film of
 // the probe with its scene and settings (those that are not at their defaults: a new setting changes no
 // digest), and what the harness notes beside (tolerances, references). tests/nightly/prove writes a line only
 // if the full form rendered nothing but scenes and settings that the probe has rendered too.
@@ -65,8 +65,8 @@ class Part {
 // digest of a test is then the same in the program of all tests and alone.
 std::string in_this_test(std::string_view key);
 
-// How many iterations at each end of `iterations` the probe renders, so that one batch of `batches` costs
-// about a sixteenth of all; the two do not overlap, and are everything if there are 16 batches.
+// Number of iterations at each end of `iterations` that the probe renders, so that one batch of `batches`
+// costs about a sixteenth of all; the two do not overlap, and are everything if there are 16 batches.
 struct Ends {
   std::uint64_t first = 0, last = 0;
 };

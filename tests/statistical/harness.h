@@ -29,8 +29,7 @@ class MemorySource final : public description::FileSource {
   std::map<std::string, std::string> files_;
 };
 
-// Where ../shared is: $CANDELA_SHARED, or beside the checkout. Empty where absent: the test skips and says
-// so.
+// Folder ../shared: $CANDELA_SHARED, or beside the checkout. Empty if absent: the test skips and says so.
 std::string shared_folder();
 
 struct TestScene {

@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
-#include <map>
 #include <string>
 #include <vector>
 
@@ -32,8 +32,7 @@ inline TestScene load(const std::string& name, const std::string& integrator, co
 // The merged sums of one job.
 struct Merged {
   film::MergedFilm film;
-  std::array<std::vector<film::MergedAccumulator>, 2> sums;                   // [half][accumulator]
-  std::map<std::uint64_t, std::vector<film::MergedAccumulator>> epochs = {};  // of a job of epochs
+  std::array<std::vector<film::MergedAccumulator>, 2> sums;  // [half][accumulator]
 
   const film::MergedAccumulator* find(std::string_view name, std::uint32_t half) const {
     for (const film::MergedAccumulator& a : sums[half])
@@ -63,12 +62,10 @@ class Job {
     return m;
   }
   // Renders indices [begin, end) of a half and merges them, through the bytes of a delta.
-  void merge(Merged& into, std::uint32_t half, std::uint64_t begin, std::uint64_t end, unsigned threads = 2,
-             std::uint64_t epoch = 0) {
-    if (proofs::probing()) return merge_probe(into, half, begin, end, epoch);
+  void merge(Merged& into, std::uint32_t half, std::uint64_t begin, std::uint64_t end, unsigned threads = 2) {
+    if (proofs::probing()) return merge_probe(into, half, begin, end);
     proofs::film(identity(scene_), {});
     auto output = renderer_->make_output(pilot_.state);
-    output.epoch = epoch;
     render::RunContext run;
     run.threads = threads;
     const Unit unit{Unit::Kind::iterations, half, begin, end};
@@ -78,23 +75,17 @@ class Job {
     const auto delta = film::Delta::decode(bytes, {layout(), work().accumulators});
     ASSERT_TRUE(delta.ok()) << delta.error().to_string();
     ASSERT_TRUE(into.film.merge(*delta).ok());
-    auto& sums = work().epochs ? into.epochs[epoch] : into.sums[half];
-    for (std::size_t i = sums.size(); i < work().accumulators.size(); ++i)
-      sums.emplace_back(kExtent, kExtent, work().accumulators[i]);
     for (std::size_t i = 0; i < delta->accumulators().size(); ++i)
-      sums[i].merge(delta->accumulators()[i].sums);
+      into.sums[half][i].merge(delta->accumulators()[i].sums);
     for (const std::uint64_t rejected : into.film.sample_counts(half).rejected) EXPECT_EQ(rejected, 0U);
   }
   std::vector<float> image(const Merged& m, std::string_view estimator) const {
     film::Development development;
     if (work().development) {
-      DevelopmentInput input{*work().development, estimator, kExtent, kExtent,
-                             [&](std::string_view name, std::uint32_t half) { return m.find(name, half); }};
-      for (const auto& [epoch, sums] : m.epochs) {
-        auto& open = input.open.emplace_back();
-        for (const film::MergedAccumulator& of_epoch : sums) open.push_back(&of_epoch);
-      }
-      auto corrections = correct(std::move(input));
+      const DevelopmentInput input{
+          *work().development, estimator, kExtent, kExtent,
+          [&](std::string_view name, std::uint32_t half) { return m.find(name, half); }};
+      auto corrections = correct(input);
       if (!corrections.ok()) throw std::runtime_error(corrections.error().to_string());
       for (std::size_t half = 0; half < 2; ++half)
         if (!(*corrections)[half].empty())
@@ -103,23 +94,12 @@ class Job {
     }
     return film::develop_image(m.film, development);
   }
-  // Indices of a half as three epochs: a quarter, a quarter, the rest.
-  void merge_epochs(Merged& into, std::uint32_t half, std::uint64_t begin, std::uint64_t end) {
-    const std::uint64_t step = std::max<std::uint64_t>((end - begin) / 4, 1);
-    const std::uint64_t borders[] = {begin, begin + step, begin + 2 * step, end};
-    for (std::uint64_t e = 0; e < 3; ++e) merge(into, half, borders[e], borders[e + 1], 2, e);
-  }
   // Independent images of `iterations` in each half.
   Rows rows(std::string_view estimator, std::uint64_t iterations, const Regions& regions) {
     Rows out;
     for (std::size_t b = 0; b < kBatches; ++b) {
       Merged m = empty();
-      for (const std::uint32_t half : {0U, 1U}) {
-        if (work().epochs)
-          merge_epochs(m, half, b * iterations, (b + 1) * iterations);
-        else
-          merge(m, half, b * iterations, (b + 1) * iterations);
-      }
+      for (const std::uint32_t half : {0U, 1U}) merge(m, half, b * iterations, (b + 1) * iterations);
       const std::vector<float> rgb = image(m, estimator);
       out.push_back(regions.means(std::vector<double>(rgb.begin(), rgb.end())));
     }
@@ -127,13 +107,11 @@ class Job {
   }
 
  private:
-  // One unit of few iterations for each half and epoch, which takes the place of all others.
-  void merge_probe(Merged& into, std::uint32_t half, std::uint64_t begin, std::uint64_t end,
-                   std::uint64_t epoch) {
-    std::string& bytes = probes_[{half, epoch}];
+  // One unit of few iterations for each half, which takes the place of all others.
+  void merge_probe(Merged& into, std::uint32_t half, std::uint64_t begin, std::uint64_t end) {
+    std::string& bytes = probes_[half];
     if (bytes.empty()) {
       auto output = renderer_->make_output(pilot_.state);
-      output.epoch = epoch;
       const Unit unit{Unit::Kind::iterations, half, begin, begin + std::min<std::uint64_t>(end - begin, 2)};
       const auto done = renderer_->run(unit, {pilot_.state, {}, {}}, output, {});
       if (!done.ok()) throw std::runtime_error(done.error().to_string());
@@ -143,9 +121,7 @@ class Job {
     const auto delta = film::Delta::decode(bytes, {layout(), work().accumulators});
     if (!delta.ok()) throw std::runtime_error(delta.error().to_string());
     static_cast<void>(into.film.merge(*delta));  // refused if it is there already
-    auto& sums = work().epochs ? into.epochs[epoch] : into.sums[half];
-    for (std::size_t i = sums.size(); i < work().accumulators.size(); ++i)
-      sums.emplace_back(kExtent, kExtent, work().accumulators[i]);
+    auto& sums = into.sums[half];
     for (std::size_t i = 0; i < delta->accumulators().size(); ++i) {
       sums[i].merge(delta->accumulators()[i].sums);
       proofs::fact("sums of " + identity(scene_), sums[i].serialise());
@@ -155,7 +131,7 @@ class Job {
   TestScene scene_;
   std::unique_ptr<render::Renderer> renderer_;
   PilotResult pilot_;
-  std::map<std::pair<std::uint32_t, std::uint64_t>, std::string> probes_;  // deltas by half and epoch
+  std::array<std::string, 2> probes_;  // deltas by half
 };
 
 // Over the image, of a group of lights: for each technique the mean of S_r,i - W / M, and the number of

@@ -45,7 +45,7 @@ struct TransportScene {
   std::string_view hazard;  // what it tests
   // Whose expectation is the whole image; of merging ones in the limit of small radii.
   unsigned complete;
-  // Of those, who needs far more than some hundred iterations: rare, bright samples.
+  // Complete integrators that need far more than some hundred iterations: rare, bright samples.
   unsigned slow;
   std::string_view why;  // why the others are not complete, or slow
 };

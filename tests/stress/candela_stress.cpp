@@ -42,7 +42,7 @@ std::vector<Point> points_of(const std::string& file, const std::string& text) t
   throw std::runtime_error(file + ": " + error.what());
 }
 
-// What is asked for exists.
+// Fails unless all that is asked for exists.
 void check(const std::vector<Sweep>& sweeps, const std::vector<std::string>& only_sweeps,
            const std::vector<std::string>& only_integrators, const std::vector<double>& only_values) {
   for (const auto& name : only_sweeps) find_sweep(sweeps, name);

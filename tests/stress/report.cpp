@@ -153,7 +153,7 @@ std::string reach(const Sweep& sweep, const std::vector<Point>& points) {
   const int size = static_cast<int>(sweep.values.size());
   const int benign = static_cast<int>(std::find(sweep.values.begin(), sweep.values.end(), sweep.benign) -
                                       sweep.values.begin());
-  // Where the benign end itself is not within, from the value nearest to it that is.
+  // If the benign end itself is not within, begins at the nearest value that is.
   int from = -1;
   for (int i = 0; i < size; ++i)
     if (within(i) && (from < 0 || std::abs(i - benign) < std::abs(from - benign))) from = i;

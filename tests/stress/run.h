@@ -17,7 +17,7 @@ struct Point {
   std::string sweep, integrator;
   double value = 0;
   Verdict verdict = Verdict::undecided;
-  // Of the quantity that decided, or came nearest to its tolerance.
+  // The quantity that decided, or came nearest to its tolerance, and its figures.
   std::string quantity;
   double measured = 0, expected = 0, deviation = 0, stderr_of_deviation = 0, tolerance = 0;
   film::SampleCounts sample_counts;  // of all batches of all stages
@@ -61,7 +61,7 @@ class Runner {
 
 // The claim of an integrator; null where it makes none.
 const Claim* find_claim(const Sweep& sweep, const std::string& integrator);
-// What is rendered at a value; where the sweep names no quantities, the image and its quarters.
+// Shot at a value; if the sweep names no quantities, the image and its quarters.
 Shot complete_shot(const Sweep& sweep, double value);
 
 }  // namespace candela::stress

@@ -24,7 +24,7 @@ std::string constant_sky(double radiance);
 std::string sphere(const Vec& center, double radius, const std::string& inside, bool flip = false);
 std::string plate(const std::string& transform, const std::string& inside);  // a rectangle
 std::string area_light(double radiance);
-// What makes a shape a medium without a surface.
+// The bsdf and medium that make a shape a medium without a surface.
 std::string null_block(double sigma_t, double albedo);
 
 // A closed sphere about the origin, the camera in it: radiance `emitted / (1 - reflectance)` everywhere, of

@@ -23,7 +23,7 @@ struct Quantity {
   double share = 1;  // of the sweep's tolerance: parts of the image may have more
 };
 
-// What is rendered for one value of the parameter.
+// A render for one value of the parameter.
 struct Shot {
   std::string body;                          // of the scene element
   std::map<std::string, std::string> files;  // that it refers to: name -> bytes

@@ -16,7 +16,7 @@
 
 namespace candela::stress {
 
-// How a failed test names its sweep.
+// Names the sweep of a failed test.
 void PrintTo(const Sweep& sweep, std::ostream* out) {
   *out << sweep.name;
 }

@@ -81,7 +81,7 @@ TEST(Quantile, HasTheNotesSurvivalExponents) {
 }
 
 // Claim: the F test in integers decides as doubles do on 10^5 random pixels, of all sizes of sums and all
-// numbers of photons, for 12 sectors and for 6 antipodal pairs.
+// numbers of photons, for 12 sums and for 6.
 TEST(FTest, AgreesWithDoubles) {
   test::Draws draws(1);
   const std::uint64_t full = critical(0.01, 12), half = critical(0.01, 6);
@@ -102,7 +102,8 @@ TEST(FTest, AgreesWithDoubles) {
       ASSERT_EQ(f_exceeds(pixel.view(), full), of_critical > 1) << i << " F " << f;
     }
     rejected += f_exceeds(pixel.view(), full) ? 1 : 0;
-    const auto pairs = antipodal(pixel.sums);
+    std::array<Int128, kSectorChannels / 2> pairs{};
+    for (std::size_t s = 0; s < pixel.sums.size(); ++s) pairs[s % pairs.size()] += pixel.sums[s];
     const SectorSums of_pairs{pairs, pixel.squares, kSquareShift};
     ASSERT_EQ(f_exceeds(of_pairs, half), f_statistic(of_pairs) > static_cast<double>(half) * 0x1p-32) << i;
     rejected_pairs += f_exceeds(of_pairs, half) ? 1 : 0;
@@ -189,24 +190,6 @@ TEST(FTest, DoesNotOverflow) {
   EXPECT_FALSE(f_exceeds({ends, Int128{1} << 103, 20}, std::uint64_t{1} << 59));
 }
 
-// Claim: antipodal pairs add opposite sectors of each annulus, and do not see an odd field.
-TEST(FTest, PairsOppositeSectors) {
-  std::array<Int128, kSectorChannels> sums{};
-  for (std::size_t i = 0; i < sums.size(); ++i) sums[i] = Int128{1} << i;
-  const auto pairs = antipodal(sums);
-  for (int annulus = 0; annulus < 2; ++annulus)
-    for (int s = 0; s < 3; ++s) {
-      const int bit = annulus * 6 + s;
-      EXPECT_TRUE(pairs[static_cast<std::size_t>(annulus * 3 + s)] ==
-                  (Int128{1} << bit) + (Int128{1} << (bit + 3)));
-    }
-  Sectors odd;
-  for (int s = 0; s < 12; ++s)
-    for (int p = 0; p < (s % 6 < 3 ? 900 : 100); ++p) odd.add(s, 1);
-  EXPECT_TRUE(f_exceeds(odd.view(), critical(0.01, 12)));
-  EXPECT_FALSE(f_exceeds({antipodal(odd.sums), odd.squares, kSquareShift}, critical(0.01, 6)));
-}
-
 // Claim: a photon that is opposite to another is in the opposite sector of the same ring; rings have equal
 // areas or volumes; sectors are sixty degrees from the first axis on.
 TEST(Channels, AreEqualAndOpposite) {
@@ -215,11 +198,11 @@ TEST(Channels, AreEqualAndOpposite) {
   for (int i = 0; i < 120000;) {
     const double u = 2 * draws.uniform() - 1, v = 2 * draws.uniform() - 1, w = 2 * draws.uniform() - 1;
     if (u * u + v * v < 1) {
-      const int c = disc_channel(3 * u, 3 * v, 9);
+      const int c = disc_channel_of(3 * u, 3 * v, 9.0);
       double angle = std::atan2(v, u) / 1.0471975511965976;
       if (angle < 0) angle += 6;
       ASSERT_EQ(c % 6, static_cast<int>(angle));
-      ASSERT_EQ(disc_channel(-u, -v, 1), c / 6 * 6 + (c + 3) % 6);
+      ASSERT_EQ(disc_channel_of(-u, -v, 1.0), c / 6 * 6 + (c + 3) % 6);
       ++disc[static_cast<std::size_t>(c)];
     }
     if (u * u + v * v + w * w >= 1) continue;
@@ -232,8 +215,8 @@ TEST(Channels, AreEqualAndOpposite) {
     EXPECT_NEAR(ball[c], 10000, 6 * 96);
     EXPECT_NEAR(disc[c], 15000, 6 * 118 + 6 * 70);  // their number varies too
   }
-  EXPECT_EQ(disc_sector(1, 0), 0);
-  EXPECT_EQ(disc_sector(-1, 0), 3);
+  EXPECT_EQ(disc_sector_of(1.0, 0.0), 0);
+  EXPECT_EQ(disc_sector_of(-1.0, 0.0), 3);
 }
 
 // Claim: CPPM's decisions agree with doubles on 10^5 random pixels, at counts up to 2^60, and its verdict is

@@ -99,8 +99,8 @@ class Job {
   std::vector<std::vector<MergedAccumulator>> open_;
 };
 
-Job fppm(std::uint32_t lag, const std::string& test = "sectors") {
-  return Job(test::fppm_plan(short_epochs("fppm", lag), 0.01, 0.7, test));
+Job fppm(std::uint32_t lag) {
+  return Job(test::fppm_plan(short_epochs("fppm", lag), 0.01, 0.7));
 }
 const std::vector<int> kEven(12, 2);
 const std::vector<int> kUneven = {40, 40, 40, 40, 40, 40, 1, 1, 1, 1, 1, 1};
@@ -124,7 +124,7 @@ TEST(FppmRule, ShrinksUnevenPixels) {
 // is even; a color without light objects to nothing, and neither does a color of few photons beside even
 // ones.
 TEST(FppmRule, AnyColorShrinks) {
-  Job job{test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7, "sectors", 3)};
+  Job job{test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7, 3)};
   std::vector<int> other(kUneven.rbegin(), kUneven.rend());
   const std::vector<int> even(12, 20), none(12, 0);
   job.colors(0, {even, even, even});
@@ -143,7 +143,7 @@ TEST(FppmRule, AnyColorShrinks) {
 
 // Claim: with colors a pixel follows a schedule only if no color has evidence.
 TEST(FppmRule, OneColorOfEvidenceIsEnough) {
-  test::ToyPlan plan = test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7, "sectors", 3);
+  test::ToyPlan plan = test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7, 3);
   plan.epochs.constants["follow"] = "1,2,3,10000";
   plan.epochs.constants["evidence"] = "60";
   Job job{std::move(plan)};
@@ -159,7 +159,7 @@ TEST(FppmRule, OneColorOfEvidenceIsEnough) {
 // and no further, one level a decision; a pixel of enough even photons keeps its radius; what the schedule
 // takes is no rejection.
 TEST(FppmRule, FollowsAScheduleWithoutEvidence) {
-  test::ToyPlan plan = test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7, "sectors");
+  test::ToyPlan plan = test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7);
   plan.epochs.constants["follow"] = "16,24,10000";
   plan.epochs.constants["evidence"] = "60";
   Job job{std::move(plan)};
@@ -188,7 +188,7 @@ TEST(FppmRule, FollowsAScheduleWithoutEvidence) {
 // the levels of `follow`, and those of enough even photons none; a job of `follow` alone decides as before.
 TEST(FppmRule, FollowsASlowerScheduleWithLittleEvidence) {
   for (const bool graded : {true, false}) {
-    test::ToyPlan plan = test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7, "sectors");
+    test::ToyPlan plan = test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7);
     SettingsMap& constants = plan.epochs.constants;
     constants["follow"] = "8,16,10000";
     constants["evidence"] = "12";
@@ -263,7 +263,7 @@ TEST(FppmRule, DropsStatisticsOfAnotherLevel) {
 // Claim: the floor is that of the iteration with which the epoch begins, and a pixel at its floor is not
 // tested but keeps its sums until a level is allowed.
 TEST(FppmRule, StopsAtTheFloor) {
-  test::ToyPlan plan = test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7, "sectors");
+  test::ToyPlan plan = test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7);
   adaptive::put_levels({0.7, 2, {0, 24}}, plan.epochs.constants);
   Job job(plan);
   std::vector<int> levels;
@@ -405,13 +405,13 @@ TEST(RuleReports, TellFiguresAndLayers) {
 // Claim: a rule refuses constants that are missing or wrong by their name, and sums, states and memos that
 // are not the job's; it never reads beyond them.
 TEST(Rules, RefuseWhatTheyCannotDecide) {
-  const std::vector<test::ToyPlan> plans = {test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7, "sectors"),
+  const std::vector<test::ToyPlan> plans = {test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7),
                                             test::cppm_plan(short_epochs("cppm", 0), 0.01),
                                             test::appm_plan(short_epochs("appm", 0))};
   for (const test::ToyPlan& plan : plans) {
     const std::string& rule = plan.epochs.rule;
     for (const auto& [name, value] : plan.epochs.constants) {
-      if (name == "floors" || name == "test") continue;
+      if (name == "floors") continue;
       test::ToyPlan without = plan;
       without.epochs.constants.erase(name);
       Carry carry = empty_carry(plan.accumulators, kWidth, kHeight);

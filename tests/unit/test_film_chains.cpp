@@ -1,4 +1,4 @@
-// What the farm knows of Markov chains: records, the bootstrap's table, b, and how their film is read.
+// Markov chains as the farm knows them: records, the bootstrap's table, b, and how their film is read.
 #include <gtest/gtest.h>
 
 #include <cmath>

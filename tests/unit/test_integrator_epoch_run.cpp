@@ -21,7 +21,7 @@ constexpr std::uint32_t kWidth = 37, kHeight = 5;
 class MadeUpPhotons final : public render::Renderer {
  public:
   MadeUpPhotons()
-      : plan_(fppm_plan(toy_epochs("fppm", 4, 16, 1), 0.01, 0.7, "sectors")),
+      : plan_(fppm_plan(toy_epochs("fppm", 4, 16, 1), 0.01, 0.7)),
         epochs_(plan_.epochs.first, plan_.epochs.growth) {}
 
   Result<PilotResult> pilot(const render::RunContext&) const override {

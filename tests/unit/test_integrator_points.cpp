@@ -168,7 +168,6 @@ TEST(IntegratorPoints, ThePlanSaysWhetherOptimalWeightsPay) {
     EXPECT_NE(plan_of(body, {}).find("weights=optimal has them"), std::string::npos);
     EXPECT_EQ(said(body, {{"weights", "optimal"}}), Said::use);
     EXPECT_EQ(said(body, {{"estimator", "direct"}}), Said::use);
-    EXPECT_EQ(said(body, {{"estimator", "progressive"}}), Said::use);
     EXPECT_EQ(said(body, {{"plan", "full"}}), Said::use);
     EXPECT_EQ(said(body + kSphereLamp), Said::tried) << "one of several lamps may be hidden";
   }

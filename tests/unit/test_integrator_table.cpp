@@ -30,7 +30,8 @@ TEST(IntegratorTable, RetiredSettingsKeepTheirLastValue) {
   };
   for (const Case& c :
        {Case{"appm", "recursive_correction", "false", "true"}, Case{"optimis", "batch", "4", "3"},
-        Case{"vcmplus", "test", "sectors", "antipodal"}}) {
+        Case{"vcmplus", "test", "sectors", "antipodal"}, Case{"fppm", "test", "sectors", "nested"},
+        Case{"fppm", "rings", "false", "true"}, Case{"fppm", "kappa", "3", "2"}}) {
     SCOPED_TRACE(c.integrator);
     const auto kept = render::complete_integrator_settings(c.integrator, {}, {{c.name, c.kept}});
     ASSERT_TRUE(kept.ok()) << kept.error().to_string();

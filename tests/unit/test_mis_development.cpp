@@ -20,8 +20,8 @@ constexpr int kFilmScale = 20;
 
 WorkPlan plan_of(const test::MisProblem& p, std::string_view estimator) {
   WorkPlan plan;
-  plan.accumulators = pixel_sums::specs(p.size(), kFilmScale, film::AccumulatorSpec::Per::job);
-  plan.development = optimal_mis::plan(optimal_mis::kName, p.allocation, estimator);
+  plan.accumulators = pixel_sums::specs(p.size(), kFilmScale);
+  plan.development = optimal_mis::plan(p.allocation, estimator);
   return plan;
 }
 

@@ -11,7 +11,6 @@
 #include "worker/core/math.h"
 #include "worker/transport/statistics/counts.h"
 #include "worker/transport/statistics/plug_in.h"
-#include "worker/transport/statistics/weighted_rings.h"
 #include "worker/transport/statistics/weighted_sectors.h"
 #include "worker/transport/technique/merge.h"
 
@@ -195,56 +194,6 @@ TEST(Statistics, SectorsAreALiteralLoop) {
   }
 }
 
-// Claim: sums and squares of phi by rings, and by sectors of rings, are those of a literal loop over photons;
-// those of media are weighted to the shares of discs.
-TEST(Statistics, RingsAreALiteralLoop) {
-  for (const bool medium : {false, true}) {
-    Cloud cloud;
-    fill(cloud, medium);
-    const Frame frame = make_frame(cloud.eye.hit.ng);
-    std::array<double, adaptive::kRingSectorChannels> expected{};
-    std::array<double, adaptive::kRings> sums{}, squares{};
-    // The present radius is not at a border: the outermost ring is one whose outer part is cut off.
-    each_photon(cloud, medium, [&](Vec3 y, double phi, double d2) {
-      if (d2 > static_cast<double>(kRadius * kRadius)) return;
-      const double level = -std::log2(d2 / (kFirst * kFirst));  // in steps of half of the area
-      const auto ring = static_cast<std::size_t>(std::clamp(level, 1.0, adaptive::kRings - 1.0));
-      const auto g = static_cast<double>(ring);
-      std::size_t sector = 0;
-      if (medium) {
-        const double last = ring == adaptive::kRings - 1 ? 0 : std::exp2(-1.5 * (g + 1));
-        phi *=
-            (ring == adaptive::kRings - 1 ? std::exp2(-g) : std::exp2(-g - 1)) / (std::exp2(-1.5 * g) - last);
-        const double along[] = {static_cast<double>(y.x), static_cast<double>(y.y), static_cast<double>(y.z)};
-        std::size_t axis = 0;
-        for (std::size_t a = 1; a < 3; ++a)
-          if (std::abs(along[a]) > std::abs(along[axis])) axis = a;
-        sector = axis + (along[axis] < 0 ? 3 : 0);
-      } else {
-        sector = literal_sector(y, frame);
-      }
-      expected[ring * 6 + sector] += phi;
-      sums[ring] += phi;
-      squares[ring] += phi * phi;
-    });
-    WeightedRings<6> rings(kFirst);
-    WeightedRings<1> discs(kFirst);
-    const Spectrum sum = gather(cloud, Kernel::constant, rings);
-    EXPECT_EQ(gather(cloud, Kernel::constant, discs), sum);
-    EXPECT_EQ(merge<Unweighted>(*cloud.scene, cloud.maps, {Kernel::constant, kRadius, kRadius}, cloud.eye),
-              sum);
-    for (std::size_t i = 0; i < expected.size(); ++i)
-      EXPECT_NEAR(rings.sums()[i], expected[i], 1e-5 * sums[i / 6]) << i;
-    for (std::size_t g = 0; g < sums.size(); ++g) {
-      EXPECT_NEAR(discs.sums()[g], sums[g], 1e-5 * sums[g]) << g;
-      EXPECT_NEAR(rings.squares()[g], squares[g], 1e-5 * squares[g]) << g;
-      EXPECT_EQ(rings.squares(), discs.squares());
-    }
-    EXPECT_GT(squares[1], 0);
-    EXPECT_GT(squares[4], 0);
-  }
-}
-
 // Claim: the second moment and the Laplacian are those of a literal loop, with photons beyond the radius
 // where the stencil reaches further, and those photons add nothing to the image.
 TEST(Statistics, MomentsAreALiteralLoop) {
@@ -349,18 +298,11 @@ TEST(Statistics, AreWrittenOnceAPath) {
   EXPECT_THAT(sectors.sums(), testing::Each(0));
 }
 
-// Claim: rings, and moments whose Laplacian alone exceeds its accumulator (a photon that only the stencil
+// Claim: moments whose Laplacian alone exceeds its accumulator (a photon that only the stencil
 // reaches), are written whole or not at all.
 TEST(Statistics, AreWrittenWholeOrNotAtAll) {
   Cloud cloud;
   fill(cloud, false);
-  WeightedRings<1> rings(kFirst);
-  gather(cloud, Kernel::constant, rings);
-  for (const int scale : {40, 120}) {
-    const auto sums = make_accumulators({adaptive::discs_spec(scale), adaptive::ring_squares_spec(scale)});
-    EXPECT_EQ(rings.write(sums, 2, 1, 1, 9, true), scale == 40);
-    if (scale == 120) expect_empty(sums);
-  }
   PlugInMoments moments(Kernel::constant, kFirst, kFirst / 8);
   gather(cloud, Kernel::constant, moments);
   ASSERT_GT(std::abs(moments.laplacian()), 100 * moments.moment());

@@ -1,8 +1,8 @@
 // Changes of measure of densities. A direction of density p per solid angle meets a surface at distance d
 // with the density p |cos| / d^2 per area; in a medium the hazard (per length) takes the cosine's place and
 // the density is per volume. Operations are done in the order of the parameters: a caller that has the same
-// factors in another order gets other last bits. The oracle (transport/reference) converts by itself: it
-// shares nothing with what it checks.
+// factors in another order gets other last bits. The oracle (tests/unit/transport_reference.h) converts by
+// itself: it shares nothing with what it checks.
 #pragma once
 
 namespace candela {

@@ -28,7 +28,6 @@
 #include <vector>
 
 #include "common/mis/batch.h"
-#include "common/mis/best.h"
 #include "worker/estimators/light_weights.h"
 #include "worker/estimators/options.h"
 #include "worker/scene/emitters/light_groups.h"
@@ -51,7 +50,6 @@ struct FirstVertexSetup {
   std::size_t groups = 1;  // of the partition, of this scene; at most kMaxLightGroups
   mis::Heuristic heuristic = mis::Heuristic::balance;
   bool controls = false;       // tallied; the heuristic is the balance heuristic's
-  bool singles = false;        // likewise: what each technique alone would bring
   bool bsdf_is_alone = false;  // see above
   bool direct_only = false;    // the path ends there
 
@@ -94,7 +92,6 @@ class FirstVertex {
 
   void start() {
     options_ = all_options_;
-    if (setup_.singles) singles_ = {};
     reached_ = false;
     tests_ = 0;
   }
@@ -165,8 +162,6 @@ class FirstVertex {
       set(draw, setup_.bsdf_is_alone ? mis::control_vector(allocation_, p) : weights, color(contribution));
       batches_[draw.group].lit |= !value.is_black();
     }
-    if (setup_.singles && !value.is_black())
-      add_single(own, value * static_cast<float>(1 / p[own]), contribution);
     return contribution;
   }
 
@@ -192,7 +187,6 @@ class FirstVertex {
     const mis::Vector weights = weights_at(p);
     if (setup_.controls && !setup_.bsdf_is_alone) batches_[group].samples[n_ - 1].c = weights;
     const Spectrum contribution = value * static_cast<float>(weights[0]);
-    if (setup_.singles) add_single(0, value, contribution);
     add_light(group, contribution);
     return contribution;
   }
@@ -200,9 +194,6 @@ class FirstVertex {
   // When the path has ended: whether there was such a vertex, and then its batch, of a group of lights.
   bool reached() const { return reached_; }
   const mis::Batch& batch(std::size_t group = 0) const { return batches_[group]; }
-  // The sums of each technique over one batch, without squares. No part of the sums has light that only bsdf
-  // sampling can find.
-  const mis::Singles& singles() const { return singles_; }
 
  private:
   using Densities = mis::Vector;
@@ -330,14 +321,6 @@ class FirstVertex {
     for (std::size_t k = 0; k < mis::kColors; ++k) light[k] += more[k];
   }
 
-  void add_single(std::size_t technique, const Spectrum& alone, const Spectrum& balance) {
-    const mis::Color v = color(alone), w = color(balance);
-    for (std::size_t k = 0; k < mis::kColors; ++k) {
-      singles_.single[technique][k] += v[k];
-      singles_.balance[k] += w[k];
-    }
-  }
-
   const FirstVertexSetup& setup_;
   const scene::LightGroups* const groups_;
   const std::size_t trained_;  // selection
@@ -355,7 +338,6 @@ class FirstVertex {
   std::array<Draw, kMaxLightGroups * mis::kMaxTechniques> draws_;  // the first light_draws() are set
   // By group of lights; the bsdf's sample is complete when the path has ended.
   std::array<mis::Batch, kMaxLightGroups> batches_;
-  mis::Singles singles_;
   bool reached_ = false;
 };
 

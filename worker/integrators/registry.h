@@ -23,7 +23,6 @@ IntegratorEntry integrator_entry(std::string_view name,
             if constexpr (requires { settings.chains; }) CANDELA_TRY(check(settings.chains));
             if constexpr (requires { settings.steps; }) CANDELA_TRY(check(settings.steps));
             if constexpr (requires { settings.epochs; }) CANDELA_TRY(check(settings.epochs));
-            if constexpr (requires { settings.rings; }) CANDELA_TRY(check(settings.f_test, settings.rings));
             if constexpr (requires { check(settings); }) CANDELA_TRY(check(settings));
             if constexpr (requires { settings.bandwidth; }) CANDELA_TRY(check(settings.bandwidth));
             return write_settings(settings).map;

@@ -6,7 +6,7 @@ import json
 import os
 import time
 from pathlib import Path
-from typing import Any, Iterable, Optional, Union, Unpack
+from typing import Any, Iterable, Iterator, Optional, Union, Unpack
 
 import grpc
 
@@ -125,12 +125,8 @@ class Farm:
         `token`: submitting again with it returns the first job. Raises UsageError, with file and line, for a
         scene that cannot be rendered.
         """
-        arguments = ["submit", os.fspath(scene), "--json", *self._connection_arguments()]
-        arguments += [f"--priority={priority}", f"--share={share!r}"]
-        arguments += [f"--name={name}"] if name is not None else []
-        arguments += [f"--token={token}"] if token is not None else []
-        answer = json.loads(run_program(arguments + scene_arguments(settings), quiet))
-        return Job(self, answer["id"])
+        arguments = self._submit_arguments(scene, name, priority, share, token)
+        return Job(self, json.loads(run_program(arguments + scene_arguments(settings), quiet))["id"])
 
     def submit_frames(
         self,
@@ -152,42 +148,41 @@ class Farm:
         the same call with it goes on where an earlier one broke off, or adds frames.
         """
         text = frames if isinstance(frames, str) else ",".join(str(number) for number in frames)
-        arguments = ["submit", os.fspath(scene), "--json", f"--frames={text}", *self._connection_arguments()]
-        arguments += [f"--priority={priority}", f"--share={share!r}"]
-        arguments += [f"--name={name}"] if name is not None else []
-        arguments += [f"--token={token}"] if token is not None else []
+        arguments = self._submit_arguments(scene, name, priority, share, token) + [f"--frames={text}"]
         for other in depends:
             arguments.append(f"--depends={other if isinstance(other, str) else other.id}")
-        answer = json.loads(run_program(arguments + scene_arguments(settings), quiet))
-        return Group(self, answer["id"])
+        return Group(self, json.loads(run_program(arguments + scene_arguments(settings), quiet))["id"])
+
+    def _submit_arguments(self, scene: PathLike, name: Optional[str], priority: int, share: float,
+                          token: Optional[str]) -> list[str]:
+        arguments = ["submit", os.fspath(scene), "--json", *self._connection_arguments()]
+        arguments += [f"--priority={priority}", f"--share={share!r}"]
+        arguments += [f"--name={name}"] if name is not None else []
+        return arguments + ([f"--token={token}"] if token is not None else [])
 
     def group(self, group_id: str) -> Group:
         return Group(self, group_id)
 
     def groups(self) -> list[GroupStatus]:
         """The groups of frames that the master has, the newest last, as they stand now."""
-        groups: list[GroupStatus] = []
-        token = ""
-        while True:
-            answer = self.call("ListJobs", client_pb2.ListJobsRequest(page_token=token, fold=True))
-            groups += [group_status_of(group) for group in answer.groups]
-            token = answer.next_page_token
-            if not token:
-                return groups[::-1]
+        return [group_status_of(group) for page in self.pages(fold=True) for group in page.groups][::-1]
 
     def job(self, job_id: str) -> Job:
         return Job(self, job_id)
 
     def jobs(self) -> list[Job]:
         """All jobs that the master has, the newest last."""
-        jobs: list[Job] = []
+        return [Job(self, status.id) for page in self.pages() for status in page.jobs][::-1]
+
+    def pages(self, **query: Any) -> Iterator[Any]:
+        """The answers of ListJobs, page by page."""
         token = ""
         while True:
-            answer = self.call("ListJobs", client_pb2.ListJobsRequest(page_token=token))
-            jobs += [Job(self, status.id) for status in answer.jobs]
+            answer = self.call("ListJobs", client_pb2.ListJobsRequest(page_token=token, **query))
+            yield answer
             token = answer.next_page_token
             if not token:
-                return jobs[::-1]
+                return
 
     def workers(self) -> list[Any]:
         """The workers as messages WorkerStatus of proto/candela/v1/job.proto."""

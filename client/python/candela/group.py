@@ -1,22 +1,20 @@
 """A group of frames: how it stands, its images, and steering all its frames."""
 from __future__ import annotations
 
-import math
 import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Iterator, Optional
 
-from .errors import JobError
 from .image import Image
-from .job import Job
-from .v1 import client_pb2, job_pb2
+from .job import Ending, Job, finite, state_name, wait_for
+from .v1 import client_pb2
 
 if TYPE_CHECKING:
     from .farm import Farm
 
 
 @dataclass(frozen=True)
-class GroupStatus:
+class GroupStatus(Ending):
     """How a group stands. `message` is the whole answer of the master (proto/candela/v1/job.proto)."""
 
     id: str
@@ -30,25 +28,17 @@ class GroupStatus:
     priority: int
     message: Any = field(repr=False)
 
-    @property
-    def ended(self) -> bool:
-        return self.state in ("done", "failed", "cancelled")
-
-
-def _state(value: int) -> str:
-    return job_pb2.JobState.Name(value).removeprefix("JOB_STATE_").lower()
-
 
 def group_status_of(message: Any) -> GroupStatus:
     return GroupStatus(
         id=message.id,
         name=message.name,
-        state=_state(message.state),
+        state=state_name(message.state),
         text=message.message,
         frames=message.frames,
-        states={_state(count.state): count.jobs for count in message.states},
+        states={state_name(count.state): count.jobs for count in message.states},
         fraction_done=message.fraction_done,
-        eta_seconds=message.eta_seconds if math.isfinite(message.eta_seconds) else None,
+        eta_seconds=finite(message.eta_seconds),
         priority=message.priority,
         message=message,
     )
@@ -70,14 +60,9 @@ class Group:
     def frames(self) -> dict[int, Job]:
         """The frames' jobs by the numbers of their frames, in order."""
         jobs: dict[int, Job] = {}
-        token = ""
-        while True:
-            request = client_pb2.ListJobsRequest(page_token=token, group_id=self.id)
-            answer = self._farm.call("ListJobs", request)
-            jobs.update((status.frame.frame, Job(self._farm, status.id)) for status in answer.jobs)
-            token = answer.next_page_token
-            if not token:
-                return dict(sorted(jobs.items()))
+        for page in self._farm.pages(group_id=self.id):
+            jobs.update((status.frame.frame, Job(self._farm, status.id)) for status in page.jobs)
+        return dict(sorted(jobs.items()))
 
     def watch(self, interval: float = 1.0) -> Iterator[GroupStatus]:
         """A status now, at each change (looked for every `interval` seconds), and a last one at the group's end."""
@@ -93,12 +78,7 @@ class Group:
 
     def wait(self) -> GroupStatus:
         """The last status, once all frames are done. Raises JobError if some failed or were cancelled."""
-        status = self.status()
-        for status in self.watch():
-            pass
-        if status.state != "done":
-            raise JobError(f"group {self.id} is {status.state}" + (f": {status.text}" if status.text else ""), status)
-        return status
+        return wait_for("group", self)
 
     def images(self, **options: Any) -> Iterator[tuple[int, Image]]:
         """The number and the image of each frame that has one, one after the other. `options`: those of Job.image()."""

@@ -20,8 +20,18 @@ _STALL_SECONDS = 600  # the master develops the film before it sends
 _AWAY = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.CANCELLED, grpc.StatusCode.DEADLINE_EXCEEDED)
 
 
+class Ending:
+    """A status of what has an end."""
+
+    state: str
+
+    @property
+    def ended(self) -> bool:
+        return self.state in ("done", "failed", "cancelled")
+
+
 @dataclass(frozen=True)
-class Status:
+class Status(Ending):
     """How a job stands. `message` is the whole answer of the master (proto/candela/v1/job.proto)."""
 
     id: str
@@ -39,25 +49,36 @@ class Status:
     message: Any = field(repr=False)
 
     @property
-    def ended(self) -> bool:
-        return self.state in ("done", "failed", "cancelled")
-
-    @property
     def unseen_light(self) -> list[str]:
         """Notes of the plan on light that the error may leave out, with an integrator that finds it."""
         lines = self.message.plan.splitlines()
         return [line.removeprefix("note ") for line in lines if line.startswith("note light ")]
 
 
-def status_of(message: Any) -> Status:
-    def finite(value: float) -> Optional[float]:
-        return value if math.isfinite(value) else None
+def state_name(value: int) -> str:
+    return job_pb2.JobState.Name(value).removeprefix("JOB_STATE_").lower()
 
-    state = job_pb2.JobState.Name(message.state).removeprefix("JOB_STATE_").lower()
+
+def finite(value: float) -> Optional[float]:
+    return value if math.isfinite(value) else None
+
+
+def wait_for(what: str, thing: Any) -> Any:
+    """The last status of a job or group, once it is done. Raises JobError if it failed or was cancelled."""
+    status = thing.status()
+    for status in thing.watch():
+        pass
+    if status.state != "done":
+        text = f"{what} {thing.id} is {status.state}" + (f": {status.text}" if status.text else "")
+        raise JobError(text, status)
+    return status
+
+
+def status_of(message: Any) -> Status:
     return Status(
         id=message.id,
         name=message.name,
-        state=state,
+        state=state_name(message.state),
         text=message.message,
         iterations=message.iterations,
         samples=message.samples,
@@ -114,13 +135,7 @@ class Job:
 
     def wait(self) -> Status:
         """The last status of the job, once it is done. Raises JobError if it failed or was cancelled."""
-        status = self.status()
-        for status in self.watch():
-            pass
-        if status.state != "done":
-            text = f"job {self.id} is {status.state}" + (f": {status.text}" if status.text else "")
-            raise JobError(text, status)
-        return status
+        return wait_for("job", self)
 
     def image(
         self,

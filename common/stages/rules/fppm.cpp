@@ -54,21 +54,11 @@ Result<Follow> follow_at(const SettingsMap& constants, const std::string& suffix
 }  // namespace
 
 std::uint64_t fppm_memo_bytes(const EpochPlan& plan) {
-  const auto is = [&](const char* name, std::string_view word) {
-    const auto found = plan.constants.find(name);
-    return found != plan.constants.end() && found->second == word;
-  };
-  const bool nested = is("test", "nested");
-  return nested || is("rings", "1") ? fppm_rings_memo_bytes(nested) : memo_planes(plan.constants);
+  return memo_planes(plan.constants);
 }
 
 Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
   const SettingsMap& constants = input.plan.constants;
-  CANDELA_ASSIGN(const std::string test,
-                 adaptive::get_word(constants, "test", {"sectors", "nested"}, "sectors"));
-  CANDELA_ASSIGN(const std::string rings, adaptive::get_word(constants, "rings", {"0", "1"}, "0"));
-  if (rings == "1" || test == "nested")
-    return decide_fppm_rings(input, carry, test == "nested", rings == "1");
   CANDELA_TRY(check_input(input, carry, fppm_accumulators(), memo_planes(constants)));
   CANDELA_ASSIGN(const adaptive::Levels levels, adaptive::get_levels(constants));
   CANDELA_ASSIGN(const std::uint64_t critical, adaptive::get_integer(constants, "critical"));
@@ -135,7 +125,7 @@ Result<StateReport> describe_fppm(const EpochPlan& plan, std::uint64_t /*epoch*/
                                   bool with_layers) {
   const std::string_view memo = carry.memo;
   if (memo.size() < state.size()) return failed_error("the state is of another film than its memo");
-  // Without rings and `follow` every rejection is one level, and the memo has no plane of them.
+  // Without `follow` every rejection is one level, and the memo has no plane of them.
   const std::string_view rejections =
       memo.size() > state.size() ? memo.substr(state.size(), state.size()) : state;
   return describe_levels(plan, state,

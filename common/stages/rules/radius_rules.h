@@ -7,20 +7,14 @@
 namespace candela::rules {
 
 // FPPM and VCM+: the F test on weighted sums in sectors [Lin et al. 2023], of luminance or of three colors:
-// any that rejects shrinks. Constants: factor, max_level, floors, `critical` (times 2^32), `test` = sectors |
-// nested, `rings` = 0 | 1; with `nested` a factor `kappa` of standard errors, with `nested` or
-// rings the factor 2^(-1/2). Accumulators: fppm.sectors, fppm.squares; nested: fppm.discs, fppm.ring_squares;
-// rings: fppm.rings, fppm.ring_squares. With rings `nested` tests antipodal pairs too.
+// any that rejects shrinks. Constants: factor, max_level, floors, `critical` (times 2^32). Accumulators:
+// fppm.sectors, fppm.squares.
 Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry);
 Result<StateReport> describe_fppm(const EpochPlan& plan, std::uint64_t epoch, std::uint32_t width,
                                   std::uint32_t height, std::string_view state, const Carry& carry,
                                   bool with_layers);
 
 std::uint64_t fppm_memo_bytes(const EpochPlan& plan);
-
-// The part of decide_fppm() for rings and nested discs.
-Result<std::string> decide_fppm_rings(const DecisionInput& input, Carry& carry, bool nested, bool rings);
-std::uint64_t fppm_rings_memo_bytes(bool nested);
 
 // CPPM: the chi-squared test on counts. Constants: factor = 2^(-1/6), so that three levels are half of the
 // area; max_level, floors, `critical_outer` and `critical_inner` (times 2^32), `first_batch`, `batch_growth`

@@ -2,22 +2,19 @@
 #include <array>
 
 #include "common/stages/decision.h"
-#include "common/stages/epoch_corrections.h"
 #include "common/stages/light_visibility.h"
 #include "common/stages/photon_chains.h"
 #include "common/stages/rules/light_visibility.h"
-#include "common/stages/rules/optimal_mis.h"
 #include "common/stages/rules/photon_chains.h"
 #include "common/stages/rules/radius_rules.h"
 
 namespace candela {
 
 std::span<const DecisionRule> decision_rules() {
-  static constexpr std::array<DecisionRule, 6> rules{{
+  static constexpr std::array<DecisionRule, 5> rules{{
       {"fppm", &rules::decide_fppm, &rules::describe_fppm, &rules::fppm_memo_bytes},
       {"cppm", &rules::decide_cppm, &rules::describe_cppm, &rules::cppm_memo_bytes},
       {"appm", &rules::decide_appm, &rules::describe_appm},
-      {epoch_corrections::kRule, &rules::decide_optimal_mis, nullptr, &rules::optimal_mis_memo_bytes},
       {light_visibility::kRule, &rules::decide_light_visibility},
       {photon_chains::kRule, &rules::decide_photon_chains, &rules::describe_photon_chains},
   }};

@@ -51,14 +51,14 @@ class Rows {
     }
     if (moved) this.sort();
   }
-  // What is left of the rows when those of `ids` are gone.
+  // Removes the rows of `ids`.
   remove(ids) {
     for (const id of ids) {
       this.rows.get(id)?.element.remove();
       this.rows.delete(id);
     }
   }
-  // Those of `ids` never come back, even in a list that was made before they went.
+  // Removes `ids` for good, even from a list that was made before they went.
   drop(ids) {
     for (const id of ids) this.gone.add(id);
     this.remove(ids);

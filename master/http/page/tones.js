@@ -70,7 +70,7 @@ const bytesOf = (hex) => Uint8Array.from(hex.match(/../g) ?? [], (pair) => parse
 export function colorsOf(answer, logarithmic) {
   return {...answer, logarithmic, map: bytesOf(answer.colors), none: bytesOf(answer.not_finite_color), below: bytesOf(answer.zero_or_less_color)};
 }
-// Where a number is on the scale: 0 at its low end, 1 at its high end.
+// Place of a number on the scale: 0 at its low end, 1 at its high end.
 export function placeOf(v, {low, high, logarithmic}) {
   return logarithmic ? Math.log(v / low) / Math.log(high / low) : (v - low) / (high - low);
 }

@@ -342,7 +342,7 @@ export class Viewer {
     this.draw();
   }
 
-  // Of a tile, in pixels.
+  // Size of a tile, in pixels.
   size(level, x, y) {
     const {width, height} = this.levels[level];
     return [Math.min(kTile, width - x * kTile), Math.min(kTile, height - y * kTile)];

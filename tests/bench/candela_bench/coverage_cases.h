@@ -23,12 +23,12 @@ struct CoverageScene {
   std::vector<std::string> integrators;
   // Every value of the image; 0: a reference is rendered.
   double exact = 0;
-  // Of the reference, and its samples a pixel.
+  // Integrator of the reference, and its samples per pixel.
   std::string reference = "bdpt";
   std::uint64_t reference_spp = 8192;
 };
 bool held_out(const CoverageScene& scene, const std::string& integrator);
-// Those whose files are there.
+// The scenes whose files are there.
 std::vector<CoverageScene> coverage_scenes();
 
 // The image after `spp` samples a pixel, with those before it.

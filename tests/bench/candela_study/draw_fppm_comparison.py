@@ -8,4 +8,4 @@ PAPER = ("The F test on weighted contributions keeps the radius where the irradi
 
 
 def figure(rows, maps):
-    return draw_radii.figure(rows, maps, ["cppm", "fppm", "fppm nested", "fppm rings nested", "appm"])
+    return draw_radii.figure(rows, maps, ["cppm", "fppm", "appm"])

@@ -11,11 +11,8 @@ Result<Results> run_fppm_comparison(const Request& request) {
                                   {"ppm 3/4", "ppm", {{"alpha", "0.75"}}},
                                   {"cppm", "cppm"},
                                   {"cppm 5 %", "cppm", {{"alpha_chi", "0.05"}}},
-                                  {"fppm", "fppm", {{"test", "sectors"}}},
-                                  {"fppm 5 %", "fppm", {{"test", "sectors"}, {"alpha_f", "0.05"}}},
-                                  {"fppm rings", "fppm", {{"test", "sectors"}, {"rings", "true"}}},
-                                  {"fppm nested", "fppm", {{"test", "nested"}}},
-                                  {"fppm rings nested", "fppm", {{"test", "nested"}, {"rings", "true"}}},
+                                  {"fppm", "fppm"},
+                                  {"fppm 5 %", "fppm", {{"alpha_f", "0.05"}}},
                                   {"appm", "appm"},
                                   {"appm reference", "appm", {{"pilot", "reference"}}}}});
 }
@@ -26,9 +23,6 @@ Result<Results> run_lag(const Request& request) {
                               {{"lag 0", "fppm", {{"lag", "0"}}},
                                {"lag 1", "fppm", {{"lag", "1"}}},
                                {"lag 4", "fppm", {{"lag", "4"}}}}};
-  for (const char* lag : {"0", "1", "4"})
-    comparison.methods.push_back(
-        {std::string("rings, lag ") + lag, "fppm", {{"lag", lag}, {"rings", "true"}}});
   comparison.iterations = 1024;
   comparison.scenes = {"flat", "curvature", "edge"};
   return compare_radii(request, comparison);

@@ -37,7 +37,6 @@ const std::vector<Method>& methods() {
       {"ppm", "ppm", {}},
       {"cppm", "cppm", {}},
       {"fppm", "fppm", {}},
-      {"fppm rings nested", "fppm", {{"test", "nested"}, {"rings", "true"}}},
   };
   return all;
 }

@@ -79,7 +79,6 @@ std::vector<Contestant> contestants(const TechniqueSet& set) {
   out.push_back({"balance", "optimis", optimis("balance")});
   out.push_back({"optimal", "optimis", optimis("optimal"), "independent", {"crossfit", "direct", "balance"}});
   out.push_back({"auto", "optimis", optimis("auto"), "independent", {"crossfit", "balance"}});
-  out.push_back({"best", "optimis", optimis("best"), "independent", {"best", "balance"}});
   for (const char* weights : {"power", "cutoff", "maximum"})
     out.push_back({weights, "optimis", optimis(weights)});
   out.push_back({"path", "path", {}});

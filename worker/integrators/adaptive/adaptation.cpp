@@ -26,17 +26,6 @@ Result<void> check(const PlugInSettings& settings) {
       .with_field("r_max");
 }
 
-Result<void> check(const FTestSettings& test, const RingSettings& rings) {
-  if ((rings.rings || rings.test.value == "nested") && test.channels.value == "colors")
-    return usage_error("'colors' has no part in rings and nested discs, which look at luminance")
-        .with_field("channels")
-        .with_mend("leave it out");
-  if ((!rings.rings && rings.test.value != "nested") || test.k == FTestSettings().k) return {};
-  return usage_error(fmt::format("'{}' has no part in it: rings and nested discs halve the area", test.k))
-      .with_field("k")
-      .with_mend("leave it out");
-}
-
 namespace {
 
 Adaptation make_adaptation(const EpochSettings& epochs, std::string_view rule, rules::Levels levels) {
@@ -88,33 +77,6 @@ void follow(Adaptation& adaptation, double alpha, const Follow& none, const Foll
     constants[std::string("follow") + suffix] = rules::iterations_text(iterations);
     constants[std::string("evidence") + suffix] = std::to_string(of.evidence);
   }
-}
-
-Adaptation ring_test(const EpochSettings& epochs, const FTestSettings& test, const RingSettings& rings) {
-  constexpr double kFactor = 0.70710678118654752;  // half of the area
-  rules::Levels levels = rules::levels_above(kFactor, test.r_min, test.floor_alpha);
-  levels.max_level = std::min(levels.max_level, rules::kRings - 2);
-  levels.floors.resize(static_cast<std::size_t>(levels.max_level));
-  Adaptation adaptation = make_adaptation(epochs, "fppm", std::move(levels));
-  SettingsMap& constants = adaptation.epochs.constants;
-  constants["test"] = rings.test.value;
-  constants.emplace("rings", std::to_string(rings.rings ? 1 : 0));
-  if (rings.test.value == "nested") constants["kappa"] = rules::constant_text(rings.kappa);
-  if (!rings.rings) {
-    adaptation.accumulators = +[](int film_scale_log2) -> std::vector<film::AccumulatorSpec> {
-      return {rules::discs_spec(film_scale_log2), rules::ring_squares_spec(film_scale_log2)};
-    };
-    return adaptation;
-  }
-  // Beside nested discs the F test is that of antipodal pairs.
-  const int degrees =
-      (rings.test.value == "sectors" ? rules::kSectorChannels : rules::kSectorChannels / 2) - 1;
-  constants["critical"] =
-      std::to_string(rules::critical_integer(rules::chi_squared_quantile(test.alpha_f, degrees) / degrees));
-  adaptation.accumulators = +[](int film_scale_log2) -> std::vector<film::AccumulatorSpec> {
-    return {rules::ring_sectors_spec(film_scale_log2), rules::ring_squares_spec(film_scale_log2)};
-  };
-  return adaptation;
 }
 
 Adaptation count_test(const EpochSettings& epochs, const CountTestSettings& test) {

@@ -36,8 +36,6 @@ struct Follow {
 // Pixels with at most none.evidence (little.evidence, the larger bound) contributions follow the schedule of
 // none.to_alpha (little.to_alpha) if its radii are smaller; alpha is the radii's own exponent.
 void follow(Adaptation& adaptation, double alpha, const Follow& none, const Follow& little);
-// The F test's on rings, and that of nested discs, by the rule "fppm". k of `test` has no part in it.
-Adaptation ring_test(const EpochSettings& epochs, const FTestSettings& test, const RingSettings& rings);
 // The chi-squared test's, by the rule "cppm".
 Adaptation count_test(const EpochSettings& epochs, const CountTestSettings& test);
 // The plug-in bandwidth's, by the rule "appm". media: merges in media too. pilot=reference adds a plane of

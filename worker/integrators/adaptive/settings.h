@@ -51,25 +51,6 @@ struct FTestSettings {
   }
 };
 
-// Other statistics than those of the sectors of one radius.
-struct RingSettings {
-  Choice test{"sectors", {"sectors", "nested"}};
-  bool rings = false;
-  double kappa = 3;
-
-  template <class Visitor>
-  void fields(Visitor& visit) {
-    visit("test", test,
-          "sums that are compared: all sectors of the disc, or the disc and smaller discs inside it");
-    visit("rings", rings,
-          "keep sums in rings, which no rejection sets to zero, and test every radius at each decision; 84 "
-          "sums per pixel");
-    visit("kappa", kappa, NumberRange{0, 1000, true},
-          "maximum difference between the means of nested discs, in standard errors");
-  }
-};
-Result<void> check(const FTestSettings& test, const RingSettings& rings);
-
 // The chi-squared test of numbers of photons.
 struct CountTestSettings {
   double alpha_chi = 0.01;

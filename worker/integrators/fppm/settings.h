@@ -10,7 +10,6 @@ struct FppmSettings {
   CommonSettings common{integrator_words::kFppm};
   merging::MergeSettings merge{integrator_words::kFppm};
   adaptive::FTestSettings f_test;
-  adaptive::RingSettings rings;
   adaptive::EpochSettings epochs;
 
   template <class Visitor>
@@ -19,7 +18,9 @@ struct FppmSettings {
     common.plan_field(visit);
     merge.fields(visit, false);
     f_test.fields(visit);
-    rings.fields(visit);
+    visit.retired("test", "sectors", "means of nested discs lost to sums of sectors");
+    visit.retired("rings", "false", "sums in rings need twice the memory of the sectors of one radius");
+    visit.retired("kappa", "3", "it was of nested discs");
     epochs.fields(visit);
   }
 };

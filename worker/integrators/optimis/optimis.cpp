@@ -13,9 +13,7 @@
 #include "common/film/accumulator_add.h"
 #include "common/mis/gain.h"
 #include "common/rng/stream.h"
-#include "common/stages/developments/best_technique.h"
 #include "common/stages/developments/optimal_mis.h"
-#include "common/stages/epoch_corrections.h"
 #include "common/stages/epochs.h"
 #include "common/stages/light_visibility.h"
 #include "worker/estimators/first_vertex_letters.h"
@@ -32,8 +30,8 @@ namespace {
 using optimis::ReadOut;
 using Place = film::UnitAccumulator::Place;
 
-// Words that seed the rounding of a sample's sums, beside that of its film.
-constexpr std::uint64_t kFirstWord = 1, kSecondWord = 2, kThirdWord = 3;
+// The word that seeds the rounding of a sample's sums, beside that of its film.
+constexpr std::uint64_t kSumsWord = 1;
 
 // The size and the seed of the trial of optimal weights.
 constexpr std::uint64_t kTrialPixels = 512;
@@ -93,14 +91,13 @@ class OptimisIntegrator final : public IterationIntegrator {
         planned_reading_{planned.setup, planned.read_out},
         balance_{planned.setup, ReadOut::film},
         setup_(planned_reading_.setup),
-        eligible_(planned.eligible),
         lights_(planned.lights),
         on_trial_(planned.on_trial),
         settings_(settings),
         allocation_(mis::Allocation::ones(setup_.techniques())),
         tally_(tally_of(setup_.techniques())) {
     balance_.setup.controls = false;
-    if (planned.read_out == ReadOut::epochs || lights_ > 0)
+    if (lights_ > 0)
       epochs_.emplace(static_cast<std::uint64_t>(settings.epoch_min),
                       static_cast<std::uint32_t>(settings.growth));
   }
@@ -117,36 +114,26 @@ class OptimisIntegrator final : public IterationIntegrator {
   }
 
   WorkPlan work(FilmSize size, const NamedState& state) const override {
-    const int film_scale_log2 = state.film_scale_log2;
     const Result<const Reading*> decided = reading(state.decided);
     const ReadOut read_out = (decided.ok() ? **decided : planned_reading_).read_out;
-    using Per = film::AccumulatorSpec::Per;
     WorkPlan plan;
-    const std::size_t n = setup_.techniques();
-    if (read_out == ReadOut::best) {
-      plan.accumulators = best_technique::accumulators(n, film_scale_log2);
-      plan.development = best_technique::plan(n, eligible_);
-    } else if (read_out == ReadOut::sums || read_out == ReadOut::epochs) {
-      const bool epochs = read_out == ReadOut::epochs;
-      plan.accumulators =
-          pixel_sums::specs(n, film_scale_log2, epochs ? Per::epoch : Per::job, setup_.groups);
-      plan.development = optimal_mis::plan(epochs ? optimal_mis::kEpochName : optimal_mis::kName, allocation_,
-                                           settings_.estimator.value, setup_.groups);
-      if (epochs)
-        plan.epochs =
-            epoch_plan(epoch_corrections::kRule, {{"counts", pixel_sums::counts_text(allocation_)}});
+    if (read_out == ReadOut::sums) {
+      plan.accumulators = pixel_sums::specs(setup_.techniques(), state.film_scale_log2, setup_.groups);
+      plan.development = optimal_mis::plan(allocation_, settings_.estimator.value, setup_.groups);
     }
     const light_visibility::Layout layout = light_visibility::layout(size.width, size.height, lights_);
     if (lights_ > 0) {
       plan.accumulators = {light_visibility::spec(layout)};
-      plan.epochs = epoch_plan(light_visibility::kRule,
-                               {{std::string(light_visibility::kEntries), std::to_string(layout.entries())},
-                                {std::string(light_visibility::kLights), std::to_string(layout.lights)}});
+      plan.epochs = {static_cast<std::uint64_t>(settings_.epoch_min),
+                     static_cast<std::uint32_t>(settings_.growth),
+                     static_cast<std::uint32_t>(settings_.lag),
+                     std::string(light_visibility::kRule),
+                     {{std::string(light_visibility::kEntries), std::to_string(layout.entries())},
+                      {std::string(light_visibility::kLights), std::to_string(layout.lights)}}};
     }
     return plan;
   }
 
-  // The states of progressive's epochs say nothing: slopes are for whoever reads the image.
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run) const override {
     CANDELA_ASSIGN(const Reading* const decided, reading(input.state.decided));
@@ -159,7 +146,7 @@ class OptimisIntegrator final : public IterationIntegrator {
     }
     const std::optional<scene::LightGroups> groups = light_groups(context);
     const auto run_all = [&]<class Trace>(const Trace& trace) {
-      // Slopes and light weights of an epoch are from earlier ones: they have to be independent. One half's
+      // Light weights of an epoch are from earlier ones: they have to be independent. One half's
       // samples of all epochs are one sequence of the sampler, those of different words are not.
       const std::uint32_t word =
           unit.half + (epochs_ ? 2 * static_cast<std::uint32_t>(epochs_->of_index(unit.begin)) : 0);
@@ -217,10 +204,6 @@ class OptimisIntegrator final : public IterationIntegrator {
   std::optional<scene::LightGroups> light_groups(const UnitContext& context) const {
     if (setup_.groups == 1) return std::nullopt;
     return std::make_optional<scene::LightGroups>(context.scene.lights(), setup_.partition);
-  }
-  EpochPlan epoch_plan(std::string_view rule, SettingsMap constants) const {
-    return {static_cast<std::uint64_t>(settings_.epoch_min), static_cast<std::uint32_t>(settings_.growth),
-            static_cast<std::uint32_t>(settings_.lag), std::string(rule), std::move(constants)};
   }
   // Weights of the unit's epoch; empty: the choice stays untrained.
   static Result<std::span<const std::uint8_t>> light_weights(const UnitInput& input,
@@ -326,11 +309,8 @@ class OptimisIntegrator final : public IterationIntegrator {
     tally_visibility(i, key);
     // Samples that the film rejected count as zero.
     const double kept_weight = kept ? static_cast<double>(eye.weight) : 0;
-    const std::uint32_t part = i.how.read_out == ReadOut::epochs ? i.unit.half : 0;
-    if (i.how.read_out == ReadOut::sums || i.how.read_out == ReadOut::epochs)
-      for (std::size_t g = 0; g < setup_.groups; ++g) tally_(i, g, kept_weight, part, at, key);
-    if (i.how.read_out == ReadOut::best)
-      tally_singles(i.first.singles(), kept_weight, x, y, key, i.output, i.sample_counts);
+    if (i.how.read_out == ReadOut::sums)
+      for (std::size_t g = 0; g < setup_.groups; ++g) tally_(i, g, kept_weight, at, key);
   }
 
   static void tally_visibility(const Iteration& i, std::uint64_t key) {
@@ -346,23 +326,23 @@ class OptimisIntegrator final : public IterationIntegrator {
     to.add(more);
   }
 
-  // One batch, of a group of lights. part: the half, in accumulators of epochs.
+  // One batch, of a group of lights.
   template <std::size_t kTechniques>
-  static void tally(const Iteration& i, std::size_t group, double weight, std::uint32_t part, const Place& at,
+  static void tally(const Iteration& i, std::size_t group, double weight, const Place& at,
                     std::uint64_t key) {
     const mis::Batch& batch = i.first.batch(group);
     const auto* accumulators = &i.output.accumulators[2 * group];
     // All accumulators share it: errors of rounding that are correlated bias none.
-    const std::uint64_t sums_key = rng::combine(key, kFirstWord);
+    const std::uint64_t sums_key = rng::combine(key, kSumsWord);
     const std::uint64_t word = film::dither_word(sums_key);
     constexpr std::uint32_t kMatrix = pixel_sums::matrix_channels(kTechniques),
                             kVector = pixel_sums::vector_channels(kTechniques);
-    accumulators[0]->template add_array<kMatrix>(at, part * kMatrix, mis::matrix_of<kTechniques>(batch),
-                                                 sums_key, word, i.sample_counts);
+    accumulators[0]->template add_array<kMatrix>(at, 0, mis::matrix_of<kTechniques>(batch), sums_key, word,
+                                                 i.sample_counts);
     if (weight == 0 || !batch.lit) return;
     auto light = mis::vector_of<kTechniques>(batch);
     for (double& b : light) b *= weight;
-    accumulators[1]->template add_array<kVector>(at, part * kVector, light, sums_key, word, i.sample_counts);
+    accumulators[1]->template add_array<kVector>(at, 0, light, sums_key, word, i.sample_counts);
   }
   using Tally = decltype(&tally<2>);
   static Tally tally_of(std::size_t techniques) {
@@ -372,42 +352,15 @@ class OptimisIntegrator final : public IterationIntegrator {
     return techniques < 2 ? nullptr : kTallies[techniques - 2];
   }
 
-  // Adds the estimate of each technique alone in one batch.
-  void tally_singles(const mis::Singles& singles, double weight, std::uint32_t x, std::uint32_t y,
-                     std::uint64_t key, UnitOutput& output, film::SampleCounts& sample_counts) const {
-    const std::size_t n = setup_.techniques();
-    const double one = 1;
-    output.accumulators[2]->add(x, y, 0, std::span(&one, 1), rng::combine(key, kThirdWord), sample_counts);
-    std::array<double, mis::kColors*(mis::kMaxTechniques + 1)> light{};
-    std::array<double, mis::kMaxTechniques> squares{};
-    const double largest = best_technique::max_square(output.accumulators[1]->spec());
-    bool any = false;
-    for (std::size_t i = 0; i <= n && weight != 0; ++i) {
-      for (std::size_t k = 0; k < mis::kColors; ++k) {
-        const double value = (i < n ? singles.single[i] : singles.balance)[k] * weight;
-        light[i * mis::kColors + k] = value;
-        any |= value != 0;
-        if (i < n) squares[i] += value * value;
-      }
-      if (i < n) squares[i] = std::min(squares[i], largest);
-    }
-    if (!any) return;
-    output.accumulators[0]->add(x, y, 0, std::span(light).first(best_technique::singles_channels(n)),
-                                rng::combine(key, kFirstWord), sample_counts);
-    output.accumulators[1]->add(x, y, 0, std::span(squares).first(n), rng::combine(key, kSecondWord),
-                                sample_counts);
-  }
-
   const Reading planned_reading_;              // if a trial does not find otherwise
   Reading balance_;                            // if it does
   const estimators::FirstVertexSetup& setup_;  // what all readings have in common
-  const mis::Eligible eligible_;
-  const std::uint32_t lights_;  // whose visibility is learned
-  const bool on_trial_;         // decide() chooses a reading
+  const std::uint32_t lights_;                 // whose visibility is learned
+  const bool on_trial_;                        // decide() chooses a reading
   const OptimisSettings settings_;
   const mis::Allocation allocation_;
   const Tally tally_;             // of optimal weights
-  std::optional<Epochs> epochs_;  // of progressive and trained
+  std::optional<Epochs> epochs_;  // of trained
 };
 
 }  // namespace
@@ -418,7 +371,7 @@ Result<void> check(const OptimisSettings& settings) {
                     n = selections * points + 1;  // a plan may add bsdf sampling
   // Sums of epochs whose techniques have other densities make no common system.
   if (settings.selection.has("trained")) {
-    const bool optimal = settings.weights.value == "optimal" || settings.weights.value == "best";
+    const bool optimal = settings.weights.value == "optimal";
     if (optimal || settings.estimator.value != "crossfit")
       return usage_error(
                  fmt::format("'{}' has no part in selection=trained, whose densities differ from epoch "
@@ -427,19 +380,11 @@ Result<void> check(const OptimisSettings& settings) {
           .with_field(optimal ? "weights" : "estimator")
           .with_mend("leave it out, or 'trained'");
   }
-  if (settings.light_groups.value != "one") {
-    const bool trained = settings.selection.has("trained"), best = settings.weights.value == "best";
-    if (trained || best || settings.estimator.value == "progressive")
-      return usage_error(fmt::format("'{}' has all lights in one group, not light_groups={}",
-                                     trained ? "trained"
-                                     : best  ? "best"
-                                             : settings.estimator.value,
-                                     settings.light_groups.value))
-          .with_field(trained ? "selection"
-                      : best  ? "weights"
-                              : "estimator")
-          .with_mend("leave it or light_groups out");
-  }
+  if (settings.light_groups.value != "one" && settings.selection.has("trained"))
+    return usage_error(fmt::format("'trained' has all lights in one group, not light_groups={}",
+                                   settings.light_groups.value))
+        .with_field("selection")
+        .with_mend("leave it or light_groups out");
   if (n <= mis::kMaxTechniques) return {};
   return usage_error(
              fmt::format("{} ways of sampling points times {} selections, and bsdf, are {} techniques; "

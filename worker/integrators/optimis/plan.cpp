@@ -18,23 +18,16 @@ scene::LightTechnique selection_named(std::string_view name) {
                            : scene::LightTechnique::adapted;
 }
 
-std::string_view selection_name(scene::LightTechnique selection) {
-  return selection == scene::LightTechnique::uniform ? "uniform"
-         : selection == scene::LightTechnique::power ? "power"
-                                                     : "contribution";
-}
-
 ReadOut read_out_of(const OptimisSettings& settings) {
   if (settings.selection.has("trained")) return ReadOut::film;  // see check()
-  if (settings.weights.value == "best") return ReadOut::best;
-  if (settings.weights.value != "optimal" && settings.weights.value != "auto") return ReadOut::film;
-  return settings.estimator.value == "progressive" ? ReadOut::epochs : ReadOut::sums;
+  return settings.weights.value == "optimal" || settings.weights.value == "auto" ? ReadOut::sums
+                                                                                 : ReadOut::film;
 }
 
 mis::Heuristic weights_named(std::string_view name) {
   for (const mis::HeuristicName& h : mis::kHeuristics)
     if (h.name == name) return h.heuristic;
-  return mis::Heuristic::balance;  // what optimal weights and the best technique correct
+  return mis::Heuristic::balance;  // what optimal weights correct
 }
 
 // By setting `techniques`.
@@ -119,33 +112,6 @@ Result<void> plan_groups(const OptimisSettings& settings, const scene::SceneFeat
   return {};
 }
 
-// Sums of a pixel.
-std::size_t sums_of(ReadOut read_out, std::size_t techniques) {
-  // One group of lights.
-  if (read_out == ReadOut::film) return 0;
-  if (read_out == ReadOut::best) return mis::kColors * (techniques + 1) + techniques + 1;
-  return mis::packed_size(techniques) + mis::kColors * techniques;
-}
-
-// Bit i: technique i covers all light that the weights share out.
-mis::Eligible covering(const estimators::FirstVertexSetup& setup, const scene::SceneFeatures& features) {
-  mis::Eligible out = 0;
-  std::size_t technique = 0;
-  if (setup.bsdf) {
-    if (!features.any_delta_emitter) out |= 1U;
-    ++technique;
-  }
-  // The choice adapted to a point may leave a smooth environment to scattered rays.
-  const bool leaves_out = features.any_environment && features.emitters > 1;
-  for (const scene::LightTechnique selection : setup.selections)
-    for (const scene::PointSampler point : setup.points) {
-      const bool clipped = point == scene::PointSampler::parallel && features.any_rectangle_emitter;
-      if ((selection != scene::LightTechnique::adapted || !leaves_out) && !clipped) out |= 1U << technique;
-      ++technique;
-    }
-  return out;
-}
-
 // A lamp of less than this share of the scene's radius is a small one.
 constexpr float kSmallLamp = 0.005f;
 
@@ -199,47 +165,15 @@ constexpr const char* kOptimalOfBsdf = "optimal weights of bsdf sampling";
 void describe_read_out(const OptimisSettings& settings, const scene::SceneFeatures& features,
                        PlannedFirstVertex& out) {
   Plan& plan = out.planned.plan;
-  const std::size_t n = out.setup.techniques();
-  const std::size_t bytes = 8 * sums_of(out.read_out, n) * out.setup.groups;
-  const std::string use = kOptimal;
-  switch (out.read_out) {
-    case ReadOut::film:
-      plan.skip(
-          use, settings.selection.has("trained") ? "selection=trained" : "weights=" + settings.weights.value);
-      break;
-    case ReadOut::sums:
-      plan.use(use, fmt::format("{} techniques, {} bytes of sums a pixel, read by {}; {}", n, 2 * bytes,
-                                settings.estimator.value, gain(out.setup, features)));
-      break;
-    case ReadOut::epochs:
-      plan.use(use,
-               fmt::format("{} techniques, from the sums of all epochs before; an epoch has {} iterations or "
-                           "1/{} of those before",
-                           n, settings.epoch_min, settings.growth));
-      plan.use("statistics",
-               fmt::format("{0} bytes a pixel for each of {1} epochs and 48 beside; a worker has {0}",
-                           2 * bytes, settings.lag + 2));
-      break;
-    case ReadOut::best: {
-      std::string names;
-      std::size_t technique = 0;
-      const auto add = [&](const std::string& name) {
-        if (out.eligible >> technique++ & 1) names += (names.empty() ? "" : ", ") + name;
-      };
-      if (out.setup.bsdf) add("bsdf");
-      for (const scene::LightTechnique selection : out.setup.selections)
-        for (const scene::PointSampler point : out.setup.points)
-          add(point == scene::PointSampler::own
-                  ? std::string(selection_name(selection))
-                  : fmt::format("{} {}", selection_name(selection), name_of(point)));
-      plan.skip(use, "weights=best");
-      plan.use("the best technique of each pixel",
-               fmt::format("of those that reach all lights ({}), by the sums of the job's other half; {} "
-                           "bytes of sums a pixel",
-                           names, 2 * bytes));
-      break;
-    }
+  if (out.read_out == ReadOut::film) {
+    plan.skip(kOptimal,
+              settings.selection.has("trained") ? "selection=trained" : "weights=" + settings.weights.value);
+    return;
   }
+  const std::size_t n = out.setup.techniques();
+  const std::size_t sums = (mis::packed_size(n) + mis::kColors * n) * out.setup.groups;
+  plan.use(kOptimal, fmt::format("{} techniques, {} bytes of sums a pixel, read by {}; {}", n, 16 * sums,
+                                 settings.estimator.value, gain(out.setup, features)));
 }
 
 }  // namespace
@@ -322,17 +256,10 @@ Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimator
     return out;
   }
   if (wanted != ReadOut::film && n < 2) {
-    plan.skip(wanted == ReadOut::best ? "the best technique" : kOptimal,
-              n == 0 ? "no light is sampled" : "one technique needs no weights");
+    plan.skip(kOptimal, n == 0 ? "no light is sampled" : "one technique needs no weights");
     return out;
   }
-  if (wanted == ReadOut::best) {
-    out.eligible = covering(setup, features);
-    if (out.eligible == 0)
-      return usage_error("'best': no technique reaches all lights of the scene by itself")
-          .with_field("weights")
-          .with_mend("--set selection=power adds one that does");
-  } else if (wanted != ReadOut::film && setup.bsdf_is_alone && setup.light_techniques() < 2) {
+  if (wanted != ReadOut::film && setup.bsdf_is_alone && setup.light_techniques() < 2) {
     plan.skip(kOptimal,
               "bsdf rays cross media or pass surfaces straight, which no weight foresees, and one technique "
               "is left");
@@ -348,8 +275,7 @@ Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimator
     out.on_trial = true;
   }
   out.read_out = wanted;
-  setup.singles = wanted == ReadOut::best;
-  setup.controls = wanted != ReadOut::best && wanted != ReadOut::film;
+  setup.controls = wanted != ReadOut::film;
   describe_read_out(settings, features, out);
   if (setup.controls && setup.bsdf_is_alone)
     plan.skip(kOptimalOfBsdf, "its rays cross media or pass surfaces straight, which no weight foresees");

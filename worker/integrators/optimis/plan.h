@@ -10,19 +10,16 @@ namespace candela::integrators::optimis {
 
 // Origin of the weights of the image.
 enum class ReadOut : std::uint8_t {
-  film,    // the film is the image: a heuristic of densities
-  sums,    // optimal weights from the sums of the job
-  epochs,  // progressive: optimal weights from the sums of the epochs before
-  best,    // the technique of least variance
+  film,  // the film is the image: a heuristic of densities
+  sums,  // optimal weights from the sums of the job
 };
 
 struct PlannedFirstVertex {
   Planned planned;
   estimators::FirstVertexSetup setup;  // without techniques: the path tracer's own
   ReadOut read_out = ReadOut::film;
-  mis::Eligible eligible = 0;  // of best
-  std::uint32_t lights = 0;    // or groups of lights, whose visibility is learned; 0: none
-  bool on_trial = false;       // a trial decides whether optimal weights stay
+  std::uint32_t lights = 0;  // or groups of lights, whose visibility is learned; 0: none
+  bool on_trial = false;     // a trial decides whether optimal weights stay
 };
 
 // Optimal weights stay if they leave no more than this of the balance heuristic's variance: sums and reading
@@ -33,7 +30,8 @@ inline constexpr std::uint64_t kTrialIterations = 32;
 // Says in the plan what the trial found: the variance by optimal weights over that by the balance heuristic.
 void tell_trial(double ratio, Plan& plan);
 
-// Fails (usage) if weights=best finds no technique that reaches all lights.
+// Fails (usage) if the scene has more groups of lights than there may be, or layers by expression that
+// optimal weights do not have.
 Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimators::PathOptions& options,
                                 const scene::SceneFeatures& features);
 

@@ -10,8 +10,8 @@ struct OptimisSettings {
   NameList techniques{{"bsdf", "light"}, {"bsdf", "light", "spherical", "area", "parallel"}};
   NameList selection{{"contribution", "power"}, {"contribution", "power", "uniform", "trained"}};
   Choice light_groups{"one", {"one", "infinite", "each"}};
-  Choice weights{"auto", {"auto", "optimal", "balance", "power", "cutoff", "maximum", "best"}};
-  Choice estimator{"crossfit", {"crossfit", "direct", "balance", "progressive"}};
+  Choice weights{"auto", {"auto", "optimal", "balance", "power", "cutoff", "maximum"}};
+  Choice estimator{"crossfit", {"crossfit", "direct", "balance"}};
   int epoch_min = 16;
   int growth = 1;
   int lag = 1;
@@ -39,14 +39,12 @@ struct OptimisSettings {
           "with optimal weights: estimator that makes the image from the merged sums; fetch --estimator "
           "takes the others");
     visit("epoch_min", epoch_min, 2, 1 << 20,
-          "estimator=progressive or selection=trained: iterations of the shortest epoch, an even number; the "
-          "first epoch has the weights of the balance heuristic, and an untrained selection");
+          "selection=trained: iterations of the shortest epoch, an even number; the first epoch has an "
+          "untrained selection");
     visit("growth", growth, 1, 1 << 16,
-          "estimator=progressive or selection=trained: an epoch has at least 1/growth of the iterations "
-          "before it");
+          "selection=trained: an epoch has at least 1/growth of the iterations before it");
     visit("lag", lag, 0, 64,
-          "estimator=progressive or selection=trained: epochs that are rendered while the sums of earlier "
-          "epochs arrive");
+          "selection=trained: epochs that are rendered while the sums of earlier epochs arrive");
     visit.retired("batch", "4", "estimator=fan is gone: its image was biased");
     visit("depth", depth, "full: path tracing beyond the first vertex; direct: only direct light there");
     common.plan_field(visit);
