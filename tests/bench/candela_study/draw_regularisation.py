@@ -28,7 +28,7 @@ def figure(rows, maps):
                 _, seconds, _ = curve(rows, quantity="CPU seconds", **wanted)
                 shown = [(s, math.sqrt(part)) for s, part in zip(seconds, parts) if part > 0]
                 if shown:
-                    panel.loglog(*zip(*shown), "o-", color=f"C{k % 10}", ls="--" if k > 9 else "-", ms=3, label=method)
+                    panel.loglog(*zip(*shown), marker="o", color=f"C{k % 10}", ls="--" if k > 9 else "-", ms=3, label=method)
             panel.grid(alpha=0.3, which="both")
             if column == 0:
                 panel.set_ylabel(f"relative {name}, root")
