@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <stdexcept>
 #include <string>
@@ -10,6 +11,7 @@
 
 #include "tests/regularised_scenes.h"
 #include "tests/unit/renderer_fixture.h"
+#include "worker/transport/technique/mollify.h"
 
 namespace candela::render::regularised_scenes {
 namespace {
@@ -67,6 +69,24 @@ TEST(RegularisedScenes, EyesThatSeeMattSurfacesLoseNothing) {
   EXPECT_TRUE(any_light(off));
   // The option is not idle: path tracing has no technique for the caustics.
   EXPECT_NE(film_of(scene, "path", on, {0, 64}), film_of(scene, "path", {{"max_depth", "5"}}, {0, 64}));
+}
+
+// Claim: in all of its cone a lobe has its attenuation, whatever the angles: the cosine at the mollified
+// vertex is that of the connection, which cancels. [regularisation note, section 4]
+TEST(RegularisedScenes, CosineOfTheConnectionCancels) {
+  const Vec3d lobe = normalize(Vec3d(0.8, 0, 0.6));
+  scene::TurningLobes lobes;
+  lobes.lobes[lobes.count++] = {Vec3(lobe), Spectrum(0.75f)};
+  const transport::Mollifier mollifier(0.5);
+  int inside = 0;
+  for (const double up : {-0.6, -0.3, 0.0, 0.3, 0.6}) {
+    const Vec3d to = lobe * 1.25 + Vec3d(-0.6, 0, 0.8) * up;
+    const Spectrum value = transport::lobes_towards(lobes, {0, 0, 1}, to, mollifier);
+    const bool hit = std::abs(up) < 0.5;
+    EXPECT_FLOAT_EQ(value.g, hit ? 0.75f : 0.0f) << up;
+    inside += hit ? 1 : 0;
+  }
+  EXPECT_EQ(inside, 3);
 }
 
 // Claim: chains of erpt have the radius of their iteration's index in the job: units cut and ordered anyhow
