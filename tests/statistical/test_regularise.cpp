@@ -301,7 +301,7 @@ TEST(Regularised, RoomInAMirrorIsThatOfMerging) {
     std::printf("channel %zu: regularised %.4f +- %.4f, merged %.4f +- %.4f, connections alone %.4f\n", c,
                 blurred[c].mean(), blurred[c].error(), merged[c].mean(), merged[c].error(), plain[c].mean());
     EXPECT_NEAR(blurred[c].mean(), merged[c].mean(), 5 * error + 0.005 * merged[c].mean());
-    EXPECT_LT(error, (long_form() ? 0.03 : 0.12) * merged[c].mean());
+    EXPECT_LT(error, (long_form() ? 0.04 : 0.12) * merged[c].mean());
     EXPECT_LT(plain[c].mean(), 0.7 * merged[c].mean());
   }
 }

@@ -73,6 +73,13 @@ TEST_F(Check, LightThatIsMissing) {
         << integrator;
   }
   EXPECT_NE(check(scene, {}, "vcm").out.find("0 warnings, 0 notes\n"), std::string::npos);
+  // Where nothing is matt, merging finds no more than connections do.
+  const std::string clear = "<shape type='sphere'><bsdf type='dielectric'/></shape><emitter type='point'/>";
+  for (const char* integrator : {"ppm", "vcm", "mcppm"}) {
+    EXPECT_NE(check(clear, {}, integrator).out.find("light that is missing: "), std::string::npos);
+    EXPECT_NE(check(clear, {}, integrator).out.find("bdpt with regularise=on"), std::string::npos);
+    EXPECT_EQ(check(clear, {"--set", "max_depth=1"}, integrator).out.find("missing"), std::string::npos);
+  }
   // No false alarm: lamps that eye paths meet, rough glass, no glass, short paths.
   const std::string rough =
       "<shape type='cube'/><shape type='sphere'><bsdf type='roughdielectric'/></shape><emitter "

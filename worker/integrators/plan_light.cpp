@@ -37,6 +37,15 @@ std::string_view over(Finds finds) {
              : "over glass or mirrors, another surface, and glass or mirrors again to the eye";
 }
 
+// Where nothing is matt, there is nothing to merge at.
+std::string cannot_merge(const scene::SceneFeatures& features, std::uint32_t max_depth) {
+  const bool rests = !features.all_bsdfs_delta || features.any_scattering_medium;
+  if (!features.any_delta_emitter || rests || features.finite_lens || max_depth < 2 || !bends_light(features))
+    return {};
+  return "of points and directions over mirrors or glass straight to the eye: no path has a vertex where it "
+         "could merge; take bdpt with regularise=on, which blurs it";
+}
+
 }  // namespace
 
 std::string missing_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds,
@@ -60,15 +69,18 @@ std::string missing_light(const scene::SceneFeatures& features, std::string_view
     const auto found = settings.find(name);
     return found == settings.end() ? std::string_view() : std::string_view(found->second);
   };
+  int depth = -1;
+  const std::string_view text = setting("max_depth");
+  std::from_chars(text.data(), text.data() + text.size(), depth);
+  const std::uint32_t max_depth = depth < 0 ? estimators::kNoDepthLimit : static_cast<std::uint32_t>(depth);
+  constexpr std::array<std::string_view, 9> kMerging{"ppm",  "bpm",  "vcm",  "upbp", "vcmplus",
+                                                     "fppm", "cppm", "appm", "mcppm"};
+  if (std::ranges::find(kMerging, integrator) != kMerging.end()) return cannot_merge(features, max_depth);
   const bool from_eye = integrator == "path" || integrator == "optimis" ||
                         (integrator == "pssmlt" && setting("over") == "path");
   constexpr std::array<std::string_view, 5> kConnecting{"bdpt", "pssmlt", "mmlt", "mlt", "erpt"};
   if (!from_eye && std::ranges::find(kConnecting, integrator) == kConnecting.end()) return {};
-  int depth = -1;
-  const std::string_view text = setting("max_depth");
-  std::from_chars(text.data(), text.data() + text.size(), depth);
-  return missing_light(features, depth < 0 ? estimators::kNoDepthLimit : static_cast<std::uint32_t>(depth),
-                       from_eye ? Finds::eye_paths : Finds::connections,
+  return missing_light(features, max_depth, from_eye ? Finds::eye_paths : Finds::connections,
                        !settings.contains("regularise") ? Mollifies::never
                        : setting("regularise") == "on"  ? Mollifies::always
                                                         : Mollifies::if_asked);

@@ -68,8 +68,11 @@ HiddenSizes hidden_sizes(const Request& request) {
   return sizes;
 }
 
-// After shares of the units.
-constexpr std::uint64_t kHiddenLevels = 4;  // 1/8, 1/4, 1/2, 1
+// A run is looked at after about 1/8, 1/4, 1/2 of its rounds, and at its end.
+constexpr std::uint64_t kHiddenLevels = 4;
+constexpr std::uint64_t rounds_at(std::uint64_t rounds, std::uint64_t level) {
+  return rounds >> (kHiddenLevels - 1 - level);
+}
 
 class HiddenTable {
  public:
@@ -124,8 +127,7 @@ class HiddenTable {
                    render::complete_integrator_settings(method.integrator, {}, method.settings));
     return static_cast<std::uint64_t>(std::stoull(settings.at("chains")));
   }
-  // Rounds in the study's seconds, a multiple of 2^(kHiddenLevels - 1). Chains have a bootstrap before the
-  // first round.
+  // Rounds in the study's seconds. Chains have a bootstrap before the first round.
   Result<std::uint64_t> rounds_of(const Method& method, std::uint64_t round) const {
     constexpr std::uint64_t kMin = 1 << (kHiddenLevels - 1);
     CANDELA_ASSIGN(const auto estimator, start(method, 1));
@@ -139,7 +141,7 @@ class HiddenTable {
     }
     const double each = seconds / static_cast<double>(rounds - 1);
     const double left = std::max(0.0, sizes_.seconds() - first.cpu_seconds);
-    return std::max(kMin, static_cast<std::uint64_t>(left / each) / kMin * kMin);
+    return std::max(kMin, static_cast<std::uint64_t>(left / each));
   }
 
   Result<void> measure(const Method& method, const Truth& truth) {
@@ -151,8 +153,7 @@ class HiddenTable {
     for (std::uint64_t seed = 1; seed <= request_.seeds; ++seed) {
       CANDELA_ASSIGN(const auto estimator, start(method, seed));
       for (std::uint64_t k = 0; k < kHiddenLevels; ++k) {
-        CANDELA_ASSIGN(const bench::Cost cost,
-                       estimator->advance((rounds >> (kHiddenLevels - 1 - k)) * round));
+        CANDELA_ASSIGN(const bench::Cost cost, estimator->advance(rounds_at(rounds, k) * round));
         if (cost.rejected != 0) return internal_error(fmt::format("{} rejected samples", method.name));
         CANDELA_ASSIGN(bench::Snapshot snapshot, estimator->snapshot());
         images[k].push_back(std::move(snapshot.image));
@@ -163,7 +164,7 @@ class HiddenTable {
       double whole = 0;
       for (const Image& image : images[k]) whole += relative_squared_error(image, truth) / seeds;
       const Image mean = mean_image(images[k], 0, images[k].size());
-      const auto n = static_cast<double>((rounds >> (kHiddenLevels - 1 - k)) * round);
+      const auto n = static_cast<double>(rounds_at(rounds, k) * round);
       add(method, n, "CPU seconds", seconds[k]);
       add(method, n, "relative squared error", whole);
       if (request_.seeds > 1) {
