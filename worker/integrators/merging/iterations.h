@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "common/stats/inner_merges.h"
 #include "worker/estimators/merging_eye.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/merging/iteration_options.h"
@@ -21,6 +22,7 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
                           std::uint64_t index, UnitOutput& output, const RunContext& run, ProgressSpan span) {
   const bool signed_values = context.filter.has_negative_lobes();
   film::UnitFilm& film = *output.film;
+  film::UnitAccumulator* const inner = stats::find_inner_merges(output.accumulators);
   return for_each_tile(
       context.width, context.height, film, run,
       [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
@@ -38,6 +40,11 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
             if (run.fault != nullptr) run.fault(sampler.sample_key(), &value.r);
             const bool kept = film.add(0, x, y, {value.r, value.g, value.b}, sampler.sample_key(),
                                        sample_counts, signed_values);
+            if (inner != nullptr && kept) {
+              const Spectrum less = (eye.merged() - eye.merged_within_half()) * ray.weight;
+              stats::add_inner_merges(*inner, context.width, context.height, x, y, {less.r, less.g, less.b},
+                                      sampler.sample_key());
+            }
             if (options.merging_layer && kept) {
               const Spectrum merged = eye.merged() * ray.weight;
               film.add(1, x, y, {merged.r, merged.g, merged.b}, sampler.sample_key(), sample_counts,
