@@ -39,10 +39,15 @@ film::UnitAccumulator* find_inner_merges(std::span<const std::unique_ptr<film::U
 void add_inner_merges(film::UnitAccumulator& to, std::uint32_t width, std::uint32_t height, std::uint32_t x,
                       std::uint32_t y, const std::array<double, film::kChannels>& difference,
                       std::uint64_t key) {
+  if (difference == std::array<double, film::kChannels>{}) return;
   const std::uint32_t side = block_side(width, height);
   const film::TablePlace place = film::place_of_entry(y / side * blocks_of(width, side) + x / side);
   film::SampleCounts ignored;
-  to.splat(place.x, place.y, 0, difference, rng::combine(key, kWord), ignored);
+  const std::uint64_t own_key = rng::combine(key, kWord);
+  if (side == 1)
+    to.add(place.x, place.y, 0, difference, own_key, ignored);
+  else  // threads share blocks
+    to.splat(place.x, place.y, 0, difference, own_key, ignored);
 }
 
 Movement::Bias measured_bias(const std::array<const film::MergedAccumulator*, 2>& halves, std::uint32_t width,

@@ -18,7 +18,7 @@ namespace candela::stats {
 film::AccumulatorSpec inner_merges_spec(std::uint32_t width, std::uint32_t height, int film_scale_log2);
 // That of a unit. Null: it has none.
 film::UnitAccumulator* find_inner_merges(std::span<const std::unique_ptr<film::UnitAccumulator>> of_unit);
-// Adds a sample of a pixel, from any thread. A value that is unusable is left out.
+// Adds a sample of a pixel that only the calling thread adds to. A value that is unusable is left out.
 void add_inner_merges(film::UnitAccumulator& to, std::uint32_t width, std::uint32_t height, std::uint32_t x,
                       std::uint32_t y, const std::array<double, film::kChannels>& difference,
                       std::uint64_t key);

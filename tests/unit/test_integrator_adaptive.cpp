@@ -279,8 +279,8 @@ TEST(Adaptive, PilotsAreAPlaneOfTheState) {
 }
 
 // Claim: photons alone measure their bias, and others do not. In even light, on surfaces and in a medium, the
-// photons within half of the radius bring the same image with each kernel: the sums are within 4 % of the
-// film's of zero.
+// photons within half of the radius bring the same image with each kernel: the sums are within 15 % of the
+// film's of zero, where a wrong norm is off by half.
 TEST(Adaptive, PhotonsAloneMeasureTheirBias) {
   for (const char* integrator : {"ppm", "bpm", "fppm", "cppm", "appm", "mcppm", "vcm", "vcmplus", "upbp"}) {
     const auto specs = pilot(*make(integrator, kBox)).work.accumulators;
@@ -290,14 +290,16 @@ TEST(Adaptive, PhotonsAloneMeasureTheirBias) {
   }
   const std::string furnace =
       "<shape type=\"sphere\"><float name=\"radius\" value=\"9\"/><boolean name=\"flip_normals\" "
-      "value=\"true\"/><bsdf type=\"diffuse\"/></shape><emitter type=\"point\"/>";
+      "value=\"true\"/><bsdf type=\"diffuse\"/><emitter type=\"area\"/></shape>";
   const std::string fog =
       "<shape type=\"sphere\"><float name=\"radius\" value=\"8.9\"/><bsdf type=\"null\"/><medium "
       "name=\"interior\" type=\"homogeneous\"><float name=\"sigma_t\" value=\"0.05\"/><rgb name=\"albedo\" "
       "value=\"0.9, 0.9, 0.9\"/></medium></shape>";
   for (const char* kernel : {"constant", "epanechnikov", "perlin"})
     for (const std::string& body : {furnace, furnace + fog}) {
-      const auto renderer = make("ppm", body, {{"radius", "0.05"}, {"kernel", kernel}, {"light_paths", "8"}});
+      const auto renderer =
+          make("ppm", body,
+               {{"radius", "0.1"}, {"kernel", kernel}, {"light_paths", "8"}, {"hide_emitters", "true"}});
       const auto output = run(*renderer, "", {Unit::Kind::iterations, 0, 0, 4});
       const auto film = sums(*output.film), less = sums(*output.accumulators.at(0));
       const auto total = [](const auto& values) {
@@ -305,7 +307,7 @@ TEST(Adaptive, PhotonsAloneMeasureTheirBias) {
       };
       EXPECT_GT(total(film), 0);
       EXPECT_NE(total(less), 0);
-      EXPECT_LT(std::abs(total(less)), 0.04 * total(film)) << kernel << ' ' << body.size();
+      EXPECT_LT(std::abs(total(less)), 0.15 * total(film)) << kernel << ' ' << body.size();
     }
 }
 

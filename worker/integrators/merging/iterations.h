@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <span>
 
 #include "common/stats/inner_merges.h"
 #include "worker/estimators/merging_eye.h"
@@ -22,7 +24,10 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
                           std::uint64_t index, UnitOutput& output, const RunContext& run, ProgressSpan span) {
   const bool signed_values = context.filter.has_negative_lobes();
   film::UnitFilm& film = *output.film;
+  // It follows those of the statistics.
   film::UnitAccumulator* const inner = stats::find_inner_merges(output.accumulators);
+  const auto of_statistics = std::span<const std::unique_ptr<film::UnitAccumulator>>(output.accumulators)
+                                 .first(output.accumulators.size() - (inner != nullptr ? 1 : 0));
   return for_each_tile(
       context.width, context.height, film, run,
       [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
@@ -66,7 +71,7 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
               // The film follows the filter; statistics follow the radius, that of the position.
               if (kept) {
                 const auto [at_x, at_y] = transport::pixel_of(ray.at, context.width, context.height);
-                if (!eye.statistics().write(output.accumulators, at_x, at_y, ray.weight, sampler.sample_key(),
+                if (!eye.statistics().write(of_statistics, at_x, at_y, ray.weight, sampler.sample_key(),
                                             alone.contains(at_x, at_y))) [[unlikely]]
                   ++sample_counts.rejected[static_cast<std::size_t>(film::RejectCause::statistics)];
               }
