@@ -279,10 +279,44 @@ Posterior posterior_of(const Blur& blur, double expected) {
   return {mean, std::max(mean, upper)};
 }
 
+// Light that leaks into a block by its measured bias. It leaks along edges, and is lost on their other side,
+// so means over squares cancel: the largest mean over a line of blocks, in four directions, as far as it
+// stands out of the noise around.
+double leak_along_lines(const Movement::Bias& bias, const BlockMeans& now, std::uint32_t x, std::uint32_t y,
+                        std::uint32_t c) {
+  constexpr int kAround = kReach;
+  constexpr std::array<std::array<int, 2>, 4> kDirections = {{{1, 0}, {0, 1}, {1, 1}, {1, -1}}};
+  // visit(value index) of the block at this offset, if there is one.
+  const auto at = [&](int dx, int dy, const auto& visit) {
+    const auto u = static_cast<std::int64_t>(x) + dx, v = static_cast<std::int64_t>(y) + dy;
+    if (u < 0 || v < 0 || u >= now.width || v >= now.height) return;
+    visit((static_cast<std::size_t>(v) * now.width + static_cast<std::size_t>(u)) * film::kChannels + c);
+  };
+  double squares = 0, around = 0;
+  for (int dy = -kAround; dy <= kAround; ++dy)
+    for (int dx = -kAround; dx <= kAround; ++dx)
+      at(dx, dy, [&](std::size_t i) {
+        const double d = double{bias.a[i]} - bias.b[i];
+        squares += d * d / 4;
+        around += 1;
+      });
+  double most = 0;
+  for (const auto& [dx, dy] : kDirections) {
+    double sum = 0, count = 0;
+    for (int t = -kAround; t <= kAround; ++t)
+      at(t * dx, t * dy, [&](std::size_t i) {
+        sum += (double{bias.a[i]} + bias.b[i]) / 2;
+        count += 1;
+      });
+    most = std::max(most, sum / count - std::sqrt(squares / around / count));
+  }
+  return most;
+}
+
 // 1 / denominator of the blocks without the light that merging has carried there: where photons leak into
 // pixels that are nearly black, that light would be its own denominator. `values`: means over blocks of what
-// the denominators are the squares of.
-Row weights_without(const Movement::Bias& bias, const BlockMeans& now, const Row& values) {
+// the denominators are the squares of. `measured`: the bias is.
+Row weights_without(const Movement::Bias& bias, bool measured, const BlockMeans& now, const Row& values) {
   Row left = values, weights(values.size()), errors(values.size(), 0.0);
   const bool few = now.n0 + now.n1 < kFewIterations;
   double mean = 0;
@@ -302,7 +336,9 @@ Row weights_without(const Movement::Bias& bias, const BlockMeans& now, const Row
         const std::size_t j = (std::size_t{y} * now.width + x) * film::kChannels + c;
         const double mean_bias = sum / count;
         const double error = std::sqrt(std::max(0.0, squares / count - mean_bias * mean_bias) / count);
-        left[j] = std::max(0.0, values[j] - std::max(0.0, mean_bias - kStandsOut * error));
+        double leaked = std::max(0.0, mean_bias - kStandsOut * error);
+        if (measured) leaked = std::max(leaked, leak_along_lines(bias, now, x, y, c));
+        left[j] = std::max(0.0, values[j] - leaked);
         if (few) errors[j] = std::min(error, values[j]);
         mean += left[j] / static_cast<double>(values.size());
       }
@@ -419,7 +455,12 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
   if (means.black) return result;
   result.noise = (noise + of_factor) / values;
   Movement::Bias bias;
-  if (context.alpha < 1 && context.movement != nullptr) bias = context.movement->bias(blocks, context.alpha);
+  const bool measured =
+      context.alpha < 1 && context.measured != nullptr && context.measured->a.size() == block_values;
+  if (measured)
+    bias = *context.measured;
+  else if (context.alpha < 1 && context.movement != nullptr)
+    bias = context.movement->bias(blocks, context.alpha);
   result.unseen = (halves.chains ? kUnseenByChains : kUnseen) * result.noise;
   // Independent samples have found too rarely also what makes the spread.
   const double spread = (halves.chains ? 1 : 1 + kUnseen) * excess(bands.finish()) / values;
@@ -436,7 +477,7 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
   result.relmse = result.noise + result.blur;
   result.upper = upper_end(result.noise, blur);
   if (!bias.a.empty() && !context.connects) {
-    const Row without = weights_without(bias, blocks, values_of_blocks);
+    const Row without = weights_without(bias, measured, blocks, values_of_blocks);
     double more_noise = of_factor;
     for (std::size_t i = 0; i < block_values; ++i) more_noise += variances_of_blocks[i] * without[i];
     more_noise /= values;

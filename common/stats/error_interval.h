@@ -25,6 +25,9 @@ struct ErrorContext {
   double expected_bias = 2.2;
   bool connects = false;               // connections find most light, merging the rest
   const Movement* movement = nullptr;  // of the image up to now
+  // The bias by what photons within half of the radius bring (inner_merges.h), in place of the movement.
+  // Null or empty: it is not measured.
+  const Movement::Bias* measured = nullptr;
 };
 
 // NaN, but for the mean, unless both halves have iterations; 0 for a black image. A function of the halves

@@ -3,8 +3,20 @@
 #include <fmt/format.h>
 
 #include "common/stages/development.h"
+#include "common/stats/inner_merges.h"
 
 namespace candela::master {
+
+stats::Movement::Bias measured_bias(const JobRow& row, const JobFilm::Snapshot& snapshot) {
+  if (!snapshot.film) return {};
+  for (std::size_t i = 0; i < row.accumulators.size() && i < snapshot.accumulators.size(); ++i)
+    if (row.accumulators[i].name == stats::kInnerMerges)
+      return stats::measured_bias({snapshot.accumulators[i][0].get(), snapshot.accumulators[i][1].get()},
+                                  row.settings.width, row.settings.height,
+                                  static_cast<double>(snapshot.film->merged(0).count()),
+                                  static_cast<double>(snapshot.film->merged(1).count()));
+  return {};
+}
 
 Result<film::Development> develop(const JobRow& row, const JobFilm::Snapshot& snapshot,
                                   std::string_view estimator) {

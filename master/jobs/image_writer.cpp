@@ -192,6 +192,8 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
     stats::ErrorContext context = stats::context_of(s.integrator_settings, row.plan);
     const stats::Movement movement = snapshot.movement.movement(film);
     context.movement = &movement;
+    const stats::Movement::Bias measured = measured_bias(row, snapshot);
+    context.measured = &measured;
     const stats::ErrorInterval e = stats::error_interval(stats::halves_of(film, development), context);
     m["candela:relmse_estimate"] = fmt::format("{:.6g}", e.relmse);
     m["candela:relmse_upper"] = fmt::format("{:.6g}", e.upper);

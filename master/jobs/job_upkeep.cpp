@@ -134,6 +134,8 @@ std::optional<JobUpkeep::Estimate> JobUpkeep::estimate(const std::string& job_id
   stats::ErrorContext context = stats::context_of(row.settings.integrator_settings, row.plan);
   const stats::Movement movement = copy.movement.movement(*copy.film);
   context.movement = &movement;
+  const stats::Movement::Bias measured = measured_bias(row, copy);
+  context.measured = &measured;
   Estimate out;
   out.error =
       bulk_.run([&] { return stats::error_interval(stats::halves_of(*copy.film, *development), context); });

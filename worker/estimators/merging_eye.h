@@ -126,6 +126,8 @@ class VcmEye : public transport::EyeTechniques {
   // Statistics of the path that was traced last.
   const Statistics& statistics() const { return gather_.statistics(); }
   Spectrum merged() const { return merged_; }
+  // The same by half the radius, of photons alone; without beams.
+  Spectrum merged_within_half() const { return gather_.inner(); }
   transport::LayerSums* layer_sums() { return reads_letters() ? &letters_->sums() : nullptr; }
   // The shares of techniques in it, in the order of kTechniqueLayers. The rest is light met by chance.
   std::array<Spectrum, 6> shares() const requires(Beams::kMerges) {
@@ -343,6 +345,8 @@ class PpmEye : public transport::EyeTechniques {
   // Statistics of the path that was traced last.
   const Statistics& statistics() const { return gather_.statistics(); }
   Spectrum merged() const { return merged_; }
+  // The same by half the radius, of photons alone; without beams.
+  Spectrum merged_within_half() const { return gather_.inner(); }
   transport::LayerSums* layer_sums() { return reads_letters() ? &letters_->sums() : nullptr; }
 
   // The techniques: see eye_path.h.

@@ -29,6 +29,8 @@ struct Techniques {
     return {false, false, false, false, false, false, false, false, false};
   }
   constexpr bool merges() const { return merge_surface || merge_medium; }
+  // Merges bring all light that no eye path meets.
+  constexpr bool photons_alone() const { return merges() && !connect && !next_event; }
   constexpr bool needs_light_paths() const { return connect || light_image || hit_lens || merges(); }
 };
 

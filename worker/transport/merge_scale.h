@@ -19,12 +19,23 @@ struct MergeScale {
         ball_radius(ball_radius_),
         disc(kernel, disc_radius_),
         ball(kernel, ball_radius_),
-        eta(eta_) {}
+        eta(eta_),
+        inner_disc(kernel, disc_radius_ / 2),
+        inner_ball(kernel, ball_radius_ / 2) {}
+  // Merges within half of the radius are wanted apart, too (common/stats/inner_merges.h).
+  void want_inner() {
+    inner_disc2 = disc_radius * disc_radius / 4;
+    inner_ball2 = ball_radius * ball_radius / 4;
+  }
 
   float disc_radius, ball_radius;
   DiscKernel disc;
   BallKernel ball;
   MergeFactors eta;
+  // Of half the radius. Below 0: nothing is within it.
+  DiscKernel inner_disc;
+  BallKernel inner_ball;
+  float inner_disc2 = -1, inner_ball2 = -1;
 };
 
 // The scale as a function of the place on the film that a path arrives at, and of nothing else: see EtaField.

@@ -106,7 +106,7 @@ std::vector<CoverageRow> coverage_rows(const CoverageScene& scene, const std::st
     row.reference /= values;
     row.by_own_image /= values;
     const stats::ErrorInterval shown = stats::error_interval(
-        stats::halves_of(h), {point.alpha, point.expected_bias, point.connects, &movement});
+        stats::halves_of(h), {point.alpha, point.expected_bias, point.connects, &movement, &point.measured});
     row.relmse = shown.relmse;
     row.upper = shown.upper;
     row.noise = shown.noise;

@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kMagic = "CANHALF3";
+constexpr std::string_view kMagic = "CANHALF4";
 constexpr std::uint64_t kFileLimitBytes = 1ULL << 32;
 
 std::vector<std::string> all_but_light() {
@@ -107,6 +107,8 @@ std::string encode(const std::vector<CoveragePoint>& points) {
     put(out, h.a);
     put(out, h.b);
     put(out, h.scaled);
+    put(out, point.measured.a);
+    put(out, point.measured.b);
   }
   return out;
 }
@@ -131,6 +133,8 @@ std::optional<std::vector<CoveragePoint>> decode(std::string_view bytes) {
     h.a = reader.floats();
     h.b = reader.floats();
     h.scaled = reader.floats();
+    point.measured.a = reader.floats();
+    point.measured.b = reader.floats();
   }
   if (!reader.ok) return std::nullopt;
   return points;
@@ -142,7 +146,12 @@ Result<CoveragePoint> point_of(Estimator& estimator, const RunSpec& run, std::ui
   (void)cost;
   CANDELA_ASSIGN(stats::HalfImages halves, estimator.halves());
   const stats::ErrorContext context = stats::context_of(run.job.integrator_settings, estimator.plan());
-  return CoveragePoint{spp, context.alpha, context.expected_bias, context.connects, std::move(halves)};
+  return CoveragePoint{spp,
+                       context.alpha,
+                       context.expected_bias,
+                       context.connects,
+                       std::move(halves),
+                       estimator.measured_bias()};
 }
 
 Result<std::vector<CoveragePoint>> render(const CoverageScene& scene, const std::string& integrator,

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/stats/movement.h"
 #include "tests/half_images.h"
 
 namespace candela::bench {
@@ -37,6 +38,7 @@ struct CoveragePoint {
   double alpha = 1, expected_bias = 0;  // stats::ErrorContext's
   bool connects = false;
   stats::HalfImages halves;
+  stats::Movement::Bias measured;  // empty: the bias is not
 };
 
 // The points of one job, in order. Kept in `folder`, and read from there if they are. A job of chains is one

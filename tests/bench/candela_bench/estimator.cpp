@@ -20,6 +20,7 @@
 #include "common/film/film.h"
 #include "common/stages/development.h"
 #include "common/stats/image_error.h"
+#include "common/stats/inner_merges.h"
 #include "tests/epoch_run.h"
 #include "worker/render/renderer.h"
 
@@ -198,12 +199,20 @@ class IterationEstimator final : public RenderEstimator {
   IterationEstimator(std::unique_ptr<render::Renderer> renderer, const RunSpec& run, const PilotResult& pilot)
       : RenderEstimator(std::move(renderer), run), epochs_(*renderer_, pilot), plan_(pilot.work.development) {
     make_films(pilot.state);
-    if (!plan_) return;
+    measures_ = stats::find_inner_merges(output_.accumulators) != nullptr;
+    if (!keeps()) return;
     for (auto& half : sums_)
       for (const film::AccumulatorSpec& spec : epochs_.accumulators())
         half.emplace_back(run.job.width, run.job.height, spec);
   }
   std::string unit_name() const override { return "iterations"; }
+  stats::Movement::Bias measured_bias() const override {
+    if (!measures_) return {};
+    return stats::measured_bias({sums_of(stats::kInnerMerges, 0), sums_of(stats::kInnerMerges, 1)},
+                                merged_->layout().width, merged_->layout().height,
+                                static_cast<double>(merged_->merged(0).count()),
+                                static_cast<double>(merged_->merged(1).count()));
+  }
 
  protected:
   std::vector<Unit> units_between(std::uint64_t from, std::uint64_t to) const override {
@@ -223,11 +232,7 @@ class IterationEstimator final : public RenderEstimator {
   Result<film::Development> development() const override {
     film::Development out;
     if (!plan_) return out;
-    const auto sums = [&](std::string_view name, std::uint32_t half) -> const film::MergedAccumulator* {
-      for (const film::MergedAccumulator& a : sums_[half])
-        if (a.spec().name == name && of_job(a)) return &a;
-      return nullptr;
-    };
+    const auto sums = [&](std::string_view name, std::uint32_t half) { return sums_of(name, half); };
     DevelopmentInput input{*plan_, {}, merged_->layout().width, merged_->layout().height, sums};
     if (!epochs_.states().empty()) input.carry = &epochs_.carry();
     input.open = epochs_.open_sums();
@@ -238,7 +243,7 @@ class IterationEstimator final : public RenderEstimator {
     return out;
   }
   std::string save_others() const override {
-    if (!epochs_.plan() && !plan_) return {};
+    if (!epochs_.plan() && !keeps()) return {};
     std::string out;
     put_text(out, epochs_.save());
     for (const auto& half : sums_)
@@ -246,7 +251,7 @@ class IterationEstimator final : public RenderEstimator {
     return out;
   }
   Result<void> restore_others(std::string_view saved) override {
-    if (!epochs_.plan() && !plan_) return RenderEstimator::restore_others(saved);
+    if (!epochs_.plan() && !keeps()) return RenderEstimator::restore_others(saved);
     film::Reader reader(saved);
     CANDELA_TRY(epochs_.restore(read_text(reader)));
     for (auto& half : sums_)
@@ -264,10 +269,18 @@ class IterationEstimator final : public RenderEstimator {
     return sums.spec().per == film::AccumulatorSpec::Per::job;
   }
 
+  bool keeps() const { return plan_.has_value() || measures_; }
+  const film::MergedAccumulator* sums_of(std::string_view name, std::uint32_t half) const {
+    for (const film::MergedAccumulator& a : sums_[half])
+      if (a.spec().name == name && of_job(a)) return &a;
+    return nullptr;
+  }
+
   test::EpochRun epochs_;
   std::optional<DevelopmentPlan> plan_;
-  // By half, those of the plan in its order; of a job without a development: none. Those that are kept for
-  // each epoch stay empty.
+  bool measures_ = false;  // photons measure the bias
+  // By half, those of the plan in its order; of a job without a development or such sums: none. Those that
+  // are kept for each epoch stay empty.
   std::array<std::vector<film::MergedAccumulator>, 2> sums_;
 };
 

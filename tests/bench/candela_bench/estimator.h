@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/stats/movement.h"
 #include "tests/bench/candela_bench/spec.h"
 #include "tests/half_images.h"
 
@@ -42,6 +43,8 @@ class Estimator {
   virtual std::string plan() const { return {}; }
   // The halves of the image. Refused by an estimator in another process.
   virtual Result<stats::HalfImages> halves() { return refused_error("these halves are not kept"); }
+  // The bias of merging as photons measure it; empty: nothing does.
+  virtual stats::Movement::Bias measured_bias() const { return {}; }
   // All that going on takes, beside the run's description; restore() only on a fresh one.
   virtual Result<std::string> save() = 0;
   virtual Result<Cost> restore(std::string_view saved) = 0;

@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "common/stats/inner_merges.h"
 #include "worker/integrators/adaptive/light_pass.h"
 #include "worker/integrators/adaptive/run.h"
 #include "worker/integrators/iteration_integrator.h"
@@ -24,8 +25,11 @@ class PhotonMapping final : public IterationIntegrator {
         make_statistics_(std::move(make_statistics)) {}
 
   // If nothing is merged, there is nothing to decide.
-  WorkPlan work(FilmSize /*size*/, const NamedState& state) const override {
-    return planned_.techniques.merges() ? work_plan(adaptation_, state.film_scale_log2) : WorkPlan{};
+  WorkPlan work(FilmSize size, const NamedState& state) const override {
+    if (!planned_.techniques.merges()) return {};
+    WorkPlan plan = work_plan(adaptation_, state.film_scale_log2);
+    plan.accumulators.push_back(stats::inner_merges_spec(size.width, size.height, state.film_scale_log2));
+    return plan;
   }
   Result<Decision> decide(const UnitContext& context, const RunContext& /*run*/) const override {
     return merging::decide_radius(plan(), context, iterations_);

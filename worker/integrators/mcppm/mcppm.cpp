@@ -7,6 +7,7 @@
 
 #include "common/adaptive/levels.h"
 #include "common/stages/photon_chains.h"
+#include "common/stats/inner_merges.h"
 #include "worker/integrators/adaptive/settings.h"
 #include "worker/integrators/decision_bytes.h"
 #include "worker/integrators/iteration_integrator.h"
@@ -64,6 +65,8 @@ class McppmIntegrator final : public IterationIntegrator {
 
   WorkPlan work(FilmSize size, const NamedState& state) const override {
     WorkPlan plan;
+    if (planned_.techniques.merges())
+      plan.accumulators = {stats::inner_merges_spec(size.width, size.height, state.film_scale_log2)};
     if (!may_chain_) return plan;
     plan.epochs = EpochPlan{
         static_cast<std::uint64_t>(settings_.epochs.epoch_min),
@@ -72,7 +75,8 @@ class McppmIntegrator final : public IterationIntegrator {
         std::string(photon_chains::kRule),
         {{std::string(photon_chains::kFirstStep), candela::adaptive::constant_text(settings_.step)}}};
     const Result<Decided> decided = read(state.decided);
-    if (!decided.ok() || decided->chains) plan.accumulators = {photon_chains::spec(size.width, size.height)};
+    if (!decided.ok() || decided->chains)
+      plan.accumulators.insert(plan.accumulators.begin(), photon_chains::spec(size.width, size.height));
     return plan;
   }
 

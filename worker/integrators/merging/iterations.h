@@ -3,7 +3,10 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <span>
 
+#include "common/stats/inner_merges.h"
 #include "worker/estimators/merging_eye.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/merging/iteration_options.h"
@@ -21,6 +24,10 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
                           std::uint64_t index, UnitOutput& output, const RunContext& run, ProgressSpan span) {
   const bool signed_values = context.filter.has_negative_lobes();
   film::UnitFilm& film = *output.film;
+  // It follows those of the statistics.
+  film::UnitAccumulator* const inner = stats::find_inner_merges(output.accumulators);
+  const auto of_statistics = std::span<const std::unique_ptr<film::UnitAccumulator>>(output.accumulators)
+                                 .first(output.accumulators.size() - (inner != nullptr ? 1 : 0));
   return for_each_tile(
       context.width, context.height, film, run,
       [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
@@ -38,6 +45,11 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
             if (run.fault != nullptr) run.fault(sampler.sample_key(), &value.r);
             const bool kept = film.add(0, x, y, {value.r, value.g, value.b}, sampler.sample_key(),
                                        sample_counts, signed_values);
+            if (inner != nullptr && kept) {
+              const Spectrum less = (eye.merged() - eye.merged_within_half()) * ray.weight;
+              stats::add_inner_merges(*inner, context.width, context.height, x, y, {less.r, less.g, less.b},
+                                      sampler.sample_key());
+            }
             if (options.merging_layer && kept) {
               const Spectrum merged = eye.merged() * ray.weight;
               film.add(1, x, y, {merged.r, merged.g, merged.b}, sampler.sample_key(), sample_counts,
@@ -59,7 +71,7 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
               // The film follows the filter; statistics follow the radius, that of the position.
               if (kept) {
                 const auto [at_x, at_y] = transport::pixel_of(ray.at, context.width, context.height);
-                if (!eye.statistics().write(output.accumulators, at_x, at_y, ray.weight, sampler.sample_key(),
+                if (!eye.statistics().write(of_statistics, at_x, at_y, ray.weight, sampler.sample_key(),
                                             alone.contains(at_x, at_y))) [[unlikely]]
                   ++sample_counts.rejected[static_cast<std::size_t>(film::RejectCause::statistics)];
               }

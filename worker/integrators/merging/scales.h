@@ -18,7 +18,9 @@ transport::MergeScale make_scale(transport::Kernel kernel, double disc, double b
   transport::MergeFactors eta;
   if (techniques.merge_surface) eta.surface = Mis::raise(paths * transport::effective_area(kernel, disc));
   if (techniques.merge_medium) eta.medium = Mis::raise(paths * transport::effective_volume(kernel, ball));
-  return {kernel, static_cast<float>(disc), static_cast<float>(ball), eta};
+  transport::MergeScale scale(kernel, static_cast<float>(disc), static_cast<float>(ball), eta);
+  if (techniques.photons_alone()) scale.want_inner();
+  return scale;
 }
 
 // The radius that range searches are built for: that of most queries.

@@ -1,5 +1,6 @@
 #include "worker/integrators/ppm/ppm.h"
 
+#include "common/stats/inner_merges.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/merging/chosen_radius.h"
 #include "worker/integrators/merging/one_radius.h"
@@ -17,6 +18,10 @@ class PpmIntegrator final : public IterationIntegrator {
       : IterationIntegrator(options, std::move(planned)),
         iterations_{options_, planned_.techniques, merge, caustics_only} {}
 
+  WorkPlan work(FilmSize size, const NamedState& state) const override {
+    if (!planned_.techniques.merges()) return {};
+    return {.accumulators = {stats::inner_merges_spec(size.width, size.height, state.film_scale_log2)}};
+  }
   Result<Decision> decide(const UnitContext& context, const RunContext& /*run*/) const override {
     return merging::decide_radius(plan(), context, iterations_);
   }

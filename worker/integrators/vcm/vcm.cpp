@@ -1,5 +1,6 @@
 #include "worker/integrators/vcm/vcm.h"
 
+#include "common/stats/inner_merges.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/merging/chosen_radius.h"
 #include "worker/integrators/merging/one_radius.h"
@@ -18,8 +19,11 @@ class VcmIntegrator final : public IterationIntegrator {
       : IterationIntegrator(options, std::move(planned)),
         iterations_{options_, planned_.techniques, merge, false, merging_layer} {}
 
-  WorkPlan work(FilmSize /*size*/, const NamedState& /*state*/) const override {
-    return {.layers = iterations_.layers()};
+  WorkPlan work(FilmSize size, const NamedState& state) const override {
+    WorkPlan plan{.layers = iterations_.layers()};
+    if (planned_.techniques.photons_alone())
+      plan.accumulators = {stats::inner_merges_spec(size.width, size.height, state.film_scale_log2)};
+    return plan;
   }
 
   Result<Decision> decide(const UnitContext& context, const RunContext& /*run*/) const override {

@@ -102,12 +102,14 @@ class SurfaceMerge {
       factor *= weight;
     }
     sum += value * factor;
+    if (d2 <= scale_.inner_disc2) inner += value * (scale_.inner_disc.value(d2) / cosine * weight);
     if constexpr (kLetters) letters_.add(v_, photon.wo, maps_.surface->states(photon), value * factor);
     if constexpr (Statistics::kCollects)
       statistics_.add(maps_.surface->position(photon) - v_.hit.p, value, weight / cosine, kernel);
   }
 
   Spectrum sum;
+  Spectrum inner;  // the same within half of the radius, with its kernel
 
  private:
   const MergeMaps<Block>& maps_;
@@ -155,12 +157,14 @@ class MediumMerge {
       factor *= weight;
     }
     sum += flux * factor;
+    if (d2 <= scale_.inner_ball2) inner += flux * (phase * scale_.inner_ball.value(d2) * weight);
     if constexpr (kLetters) letters_.add(v_, photon.wo, maps_.medium->states(photon), flux * factor);
     if constexpr (Statistics::kCollects)
       statistics_.add(maps_.medium->position(photon) - v_.hit.p, flux, phase * weight, kernel);
   }
 
   Spectrum sum;
+  Spectrum inner;  // the same within half of the radius, with its kernel
 
  private:
   // The same at a place whose light edits turn.
@@ -182,6 +186,7 @@ class MediumMerge {
     }
     const Spectrum found = value * (weight * kernel);
     sum += found;
+    if (d2 <= scale_.inner_ball2) inner += value * (weight * scale_.inner_ball.value(d2));
     if constexpr (kLetters) letters_.add(v_, photon.wo, maps_.medium->states(photon), found);
     if constexpr (Statistics::kCollects)
       statistics_.add(maps_.medium->position(photon) - v_.hit.p, value, weight, kernel);
@@ -223,11 +228,15 @@ class Gather {
   // A path is next, of this place on the film, with this scale, which has to outlive it.
   void begin(const MergeScale& scale, FilmPosition at = {}) {
     scale_ = &scale;
+    inner_of_path_ = {};
     if constexpr (requires(Statistics s) { s.place(at); }) statistics_.place(at);
     if constexpr (Statistics::kCollects) statistics_.begin();
   }
   // Statistics of the path, up to the last vertex that is finished.
   const Statistics& statistics() const { return statistics_; }
+  // As the sum of what finish() has returned for the path, by the photons within half of the radius; where
+  // the scale wants it.
+  Spectrum inner() const { return inner_of_path_; }
 
   // Asks for what start() reads of the memory, for an eye's vertex that is connectible.
   void prefetch(const ScatterPoint& v) const {
@@ -247,7 +256,7 @@ class Gather {
   }
   void collect() {
     if (step_ != Step::found) return;
-    sum_ = {};
+    sum_ = inner_ = {};
     with_merge([&](auto&& merge) { map_->collect(query_, hits_, merge); });
     step_ = Step::collected;
   }
@@ -263,6 +272,7 @@ class Gather {
       });
     if constexpr (Statistics::kCollects) statistics_.end();
     const Spectrum found = v_->throughput * sum_ * maps_.per_path;
+    inner_of_path_ += v_->throughput * inner_ * maps_.per_path;
     if constexpr (kLetters)
       letters_.finish(found, path_sum, v_->throughput * maps_.per_path);
     else
@@ -292,11 +302,13 @@ class Gather {
                                                                  edits_);
       use(merge);
       sum_ += merge.sum;
+      inner_ += merge.inner;
     } else {
       MediumMerge<Mis, Block, Statistics, kLabels, Edits> merge(scene_, maps_, *scale_, *v_, statistics_,
                                                                 letters_, edits_);
       use(merge);
       sum_ += merge.sum;
+      inner_ += merge.inner;
     }
   }
 
@@ -309,7 +321,8 @@ class Gather {
   const PhotonMap<Block>* map_ = nullptr;
   const Vertex<Block>* v_ = nullptr;
   Step step_ = Step::none;
-  Spectrum sum_;
+  Spectrum sum_, inner_;  // of the vertex
+  Spectrum inner_of_path_;
   typename PhotonMap<Block>::Query query_;
   typename PhotonMap<Block>::Hits hits_;
 };
