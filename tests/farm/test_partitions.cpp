@@ -97,7 +97,7 @@ class Partitions : public testing::TestWithParam<std::string> {
 };
 
 // Claim: the layers of a partition add up to the image, integer by integer, in every integrator; the image is
-// that of a job without layers, but for mmlt's; and all layers are the same by one worker, by three, and by
+// that of a job without layers; and all layers are the same by one worker, by three, and by
 // three of which one is killed in the midst of a unit.
 TEST_P(Partitions, AddUpToTheImageWhateverDies) {
   if (!long_form()) GTEST_SKIP() << "only with CANDELA_LONG=1";
@@ -124,10 +124,7 @@ TEST_P(Partitions, AddUpToTheImageWhateverDies) {
   std::array<std::size_t, kParts> lit{};
   for (std::uint32_t image = 0; image < images; ++image) {
     const auto sums = sums_of(one, image, 1);
-    // With letters mmlt takes the kernels for media, in which its chains go another way than in those for
-    // scenes where nothing lets light pass.
-    if (GetParam() != "mmlt")
-      EXPECT_TRUE(sums == sums_of(plain, image, 1)) << "the image is another one with layers, " << image;
+    EXPECT_TRUE(sums == sums_of(plain, image, 1)) << "the image is another one with layers, " << image;
     EXPECT_TRUE(sums == sums_of(one, images + image * kParts, kParts)) << "the sum, layer " << image;
     for (std::uint32_t part = 0; part < kParts; ++part)
       for (const film::Int128& sum : sums_of(one, images + image * kParts + part, 1))

@@ -115,6 +115,7 @@ class Bidirectional {
         factors_(mis_factors<Mis>(techniques, counts)),
         eye_rules_(eye_rules(options, techniques, counts)),
         light_rules_(light_rules(options, techniques, counts)),
+        passes_(scene.features().any_passthrough || scene.features().media > 0),
         edits_(scene),
         path_letters_(letters) {
     if (!kLetters || letters == nullptr) return;
@@ -198,6 +199,10 @@ class Bidirectional {
   transport::Subpath<typename Mis::Block> light_, eye_;
   transport::WeightTerms terms_;
   transport::TechniqueList list_;
+  // Only the next direction tells if light passes a vertex straight, so walks choose one at their last
+  // vertex, too. In scenes where nothing passes they do not, though layers have the kernel for media: chains
+  // would read numbers that they do not read without layers, and go another way.
+  const bool passes_;
   [[no_unique_address]] EditedSubpaths<kEdits> edits_;
   const transport::PathLetters* const path_letters_;
   std::optional<transport::EyeLetters> eye_letters_;
@@ -264,7 +269,7 @@ struct Bidirectional<Config>::LightSide {
     }
     if constexpr (kMollifies)
       e.mollified_.light_vertex(context, e.choice_, e.options_.min_edges, walk.draws(), v, key, e.sink_);
-    return LightWalk::kPasses || e.choice_.light_goes_on(v.edges);
+    return (LightWalk::kPasses && e.passes_) || e.choice_.light_goes_on(v.edges);
   }
   bool scattered(const LightWalk& walk, const Vertex& v) const {
     if (e.reads_letters()) e.light_letters_->scattered(v, walk.direction());
@@ -306,7 +311,7 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
     }
     if constexpr (kMollifies)
       e.mollified_.eye_vertex(context, e.choice_, e.options_.min_edges, walk.draws(), v, e.sink_);
-    return EyeWalk::kPasses || e.choice_.eye_goes_on(v.edges);
+    return (EyeWalk::kPasses && e.passes_) || e.choice_.eye_goes_on(v.edges);
   }
   bool scattered(const EyeWalk& walk, const Vertex& v) const {
     if (e.reads_letters()) e.eye_letters_->scattered(v, walk.direction());
