@@ -135,9 +135,9 @@ TEST_F(ForeignScenes, NoIntegratorIsADefault) {
   const auto depth = [&](const std::string& version) {
     const Outcome plan = run({"plan", "--json"}, version, content);
     EXPECT_EQ(plan.code, 0) << plan.err;
-    const auto json = nlohmann::json::parse(plan.out);
-    EXPECT_EQ(json.at("integrator"), "path");
-    return json.at("integrator_settings").at("max_depth").get<std::string>();
+    const auto document = nlohmann::json::parse(plan.out);
+    EXPECT_EQ(document.at("integrator"), "path");
+    return document.at("integrator_settings").at("max_depth").get<std::string>();
   };
   EXPECT_EQ(depth("0.6.0"), "2");
   EXPECT_EQ(depth("2.0.0"), "-1");

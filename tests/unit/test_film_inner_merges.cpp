@@ -90,22 +90,22 @@ TEST(InnerMerges, SumsDoNotDependOnOrder) {
 // and which stays as the iterations grow, the upper end is 0.75 to 1.5 times the truth if it is measured; by
 // the movement of the image, which shows none, it is below a fiftieth.
 TEST(InnerMerges, ShowLeaksThatStay) {
-  constexpr std::uint32_t kSide = 32;
+  constexpr std::uint32_t kEdgePixels = 32;
   constexpr int kSamples = 128;
-  const auto truth_at = [](std::size_t p) { return p % kSide < kSide / 2 ? 0.125 : 1.0; };
+  const auto truth_at = [](std::size_t p) { return p % kEdgePixels < kEdgePixels / 2 ? 0.125 : 1.0; };
   const auto leak_at = [](std::size_t p) {
-    return p % kSide == kSide / 2 - 1 ? 0.25 : p % kSide == kSide / 2 ? -0.25 : 0;
+    return p % kEdgePixels == kEdgePixels / 2 - 1 ? 0.25 : p % kEdgePixels == kEdgePixels / 2 ? -0.25 : 0;
   };
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     HalfImages image;
-    image.width = image.height = kSide;
+    image.width = image.height = kEdgePixels;
     image.n0 = image.n1 = kSamples / 2;
     Movement::Bias measured;
     Movement movement;
     rng::Stream stream(rng::key(seed, 3, 0));
     const auto noise = [&] { return std::sqrt(12.0) * (stream.next_float() - 0.5) / std::sqrt(image.n0); };
     double truth = 0;
-    for (std::size_t p = 0; p < std::size_t{kSide} * kSide; ++p) {
+    for (std::size_t p = 0; p < std::size_t{kEdgePixels} * kEdgePixels; ++p) {
       double mean = 0;
       for (auto [half, bias] : {std::pair(&image.a, &measured.a), std::pair(&image.b, &measured.b)}) {
         const double value = truth_at(p) + leak_at(p) + 0.2 * truth_at(p) * noise();
@@ -116,7 +116,7 @@ TEST(InnerMerges, ShowLeaksThatStay) {
                      static_cast<float>(leak_at(p) + 2 * std::sqrt(3.0) * 0.2 * truth_at(p) * noise()));
       }
       const double d = mean - truth_at(p);
-      truth += d * d * relative_weight(truth_at(p), 0.5625) / (kSide * kSide);
+      truth += d * d * relative_weight(truth_at(p), 0.5625) / (kEdgePixels * kEdgePixels);
     }
     BlockMeans half_way = error_interval(halves_of(image)).blocks;
     half_way.n0 /= 2;
