@@ -111,7 +111,7 @@ TEST_F(InspectScene, OneSampleHasNoError) {
   ASSERT_EQ(one.code, 0) << one.err;
   EXPECT_NE(one.out.find("1 spp: mean luminance "), std::string::npos) << one.out;
   EXPECT_NE(one.out.find(" +- -\n"), std::string::npos) << one.out;
-  EXPECT_EQ(one.out.find("nan"), std::string::npos) << one.out;
+  EXPECT_EQ(one.out.find(" nan"), std::string::npos) << one.out;
 }
 
 struct Map {
