@@ -30,6 +30,9 @@ double mean(const Channels& c) {
 void multiply(Channels& a, const Channels& b, double scale = 1) {
   for (std::size_t i = 0; i < 3; ++i) a[i] *= b[i] * scale;
 }
+bool is_lit(const Channels& c) {
+  return c[0] > 0 || c[1] > 0 || c[2] > 0;
+}
 double cosine(Vec3 a, Vec3 b) {
   return std::max(std::abs(dot(Vec3d(a), Vec3d(b))), static_cast<double>(kMinCosine));
 }
@@ -90,10 +93,8 @@ Evaluation::Evaluation(const scene::Scene& scene, const FullPath& path, const Ru
     if (!(i == 0 && path.light_infinite) && !(i + 1 == k && path.lens_infinite))
       n.distance_squared[i] = length_squared(place(i + 1) - place(i));
   }
-  inner_.resize(k - 1);
-  for (std::size_t i = 1; i < k; ++i)
-    if (!copy_inner(shared, i)) evaluate_inner(i);
-  if (shared.light >= 2) {
+  const bool light_shared = shared.light >= 2;
+  if (light_shared) {
     const Evaluation& other = *shared.of;
     n.light_can_be_hit = other.numbers_.light_can_be_hit;
     n.light_prob = other.numbers_.light_prob;
@@ -101,12 +102,8 @@ Evaluation::Evaluation(const scene::Scene& scene, const FullPath& path, const Ru
     n.factor_to_eye[0] = other.numbers_.factor_to_eye[0];
     emitted_ = other.emitted_;
   } else {
-    evaluate_light();
+    evaluate_emission();
   }
-  if (shared.light >= 3)
-    n.light_direct = shared.of->numbers_.light_direct;
-  else if (k > 1)
-    evaluate_light_direct();
   if (shared.sensor >= 2) {
     const PathNumbers& other = shared.of->numbers_;
     n.lens_can_be_hit = other.lens_can_be_hit;
@@ -118,17 +115,31 @@ Evaluation::Evaluation(const scene::Scene& scene, const FullPath& path, const Ru
   } else {
     valid_ = evaluate_sensor();
   }
-  if (wanted == Wanted::if_lit && !may_be_lit()) valid_ = false;
+  // The contribution comes first, then what lies between the vertices: most paths that chains propose and
+  // that carry no light need no densities.
+  const bool all = wanted == Wanted::all;
+  if (!all && !(importance_ > 0 && is_lit(emitted_))) valid_ = false;
+  inner_.resize(k - 1);
+  PathVector<std::uint8_t> unfinished;
+  unfinished.assign(k, 0);
+  for (std::size_t i = 1; i < k && (valid_ || all); ++i) {
+    if (copy_inner(shared, i)) continue;
+    unfinished[i] = evaluate_inner(i) ? 0 : 1;
+    if (!all && !is_lit(inner_[i - 1].value)) valid_ = false;
+  }
   for (std::size_t i = 0; i < k && valid_; ++i)
     if (edges_[i].stretches.size() == 0) valid_ = follow_edge(i);
   rules_.rays = nullptr;
-  if (valid_ && scene.features().media > 0) assign_media();
-}
+  if (!valid_ && !all) return;
 
-bool Evaluation::may_be_lit() const {
-  const auto lit = [](const Channels& c) { return c[0] > 0 || c[1] > 0 || c[2] > 0; };
-  return importance_ > 0 && lit(emitted_) &&
-         std::all_of(inner_.begin(), inner_.end(), [&](const Inner& x) { return lit(x.value); });
+  for (std::size_t i = 1; i < k; ++i)
+    if (unfinished[i] != 0) evaluate_to_eye(i);
+  if (!light_shared) evaluate_light();
+  if (shared.light >= 3)
+    n.light_direct = shared.of->numbers_.light_direct;
+  else if (k > 1)
+    evaluate_light_direct();
+  if (valid_ && scene.features().media > 0) assign_media();
 }
 
 bool Evaluation::copy_edge(const SharedEnds& shared, std::size_t i) {
@@ -310,7 +321,7 @@ void Evaluation::assign_media() {
   }
 }
 
-void Evaluation::evaluate_inner(std::size_t i) {
+bool Evaluation::evaluate_inner(std::size_t i) {
   const InnerVertex& v = path_.inner[i - 1];
   const Vec3 to_light = -path_.along[i - 1], to_eye = path_.along[i];
   PathNumbers& n = numbers_;
@@ -323,7 +334,7 @@ void Evaluation::evaluate_inner(std::size_t i) {
     n.beam_sine[i] = length(cross(Vec3d(to_light), Vec3d(to_eye)));
     n.factor_to_eye[i] = n.factor_to_light[i] = std::max(mean(sigma_t), 1e-30);
     x.value = sigma_t;
-    if (evaluate_turned(i, medium, to_light, to_eye)) return;
+    if (evaluate_turned(i, medium, to_light, to_eye)) return true;
     n.pdf_to_eye[i] = static_cast<double>(medium.phase().pdf_solid_angle(to_light, to_eye));
     n.pdf_to_light[i] = static_cast<double>(medium.phase().pdf_solid_angle(to_eye, to_light));
     multiply(x.value, channels(medium.albedo(v.hit.p)),
@@ -333,8 +344,16 @@ void Evaluation::evaluate_inner(std::size_t i) {
     n.factor_to_light[i] = cosine(to_light, v.hit.ng);
     const Vec3 local_light = v.hit.shading.to_local(to_light), local_eye = v.hit.shading.to_local(to_eye);
     scene::ClosureArena arena_light, arena_eye;
-    scene::Closure from_light = scene_.closure(v.hit, local_light, arena_light);
     scene::Closure from_eye = scene_.closure(v.hit, local_eye, arena_eye);
+    if (!v.delta && v.cone == Cone::none && scene_.objects().path_edits == nullptr) {
+      x.scatters_through = from_eye.scatters_through();
+      x.value = channels(from_eye.eval(local_eye, local_light, TransportMode::radiance));
+      n.pdf_to_light[i] =
+          static_cast<double>(from_eye.pdf_solid_angle(local_eye, local_light, TransportMode::radiance));
+      x.prob_to_light = n.pdf_to_light[i];
+      return false;
+    }
+    scene::Closure from_light = scene_.closure(v.hit, local_light, arena_light);
     // With edits that select by the path: the densities that both walks' weights know. Values are those of
     // the vertex alone.
     std::optional<scene::EditedWalk> light_walk, eye_walk;
@@ -350,11 +369,11 @@ void Evaluation::evaluate_inner(std::size_t i) {
     x.scatters_through = from_eye.scatters_through();
     if (v.delta) {
       evaluate_delta(i, from_light, from_eye, local_light, local_eye);
-      return;
+      return true;
     }
     if (v.cone != Cone::none) {
       evaluate_cone(i, from_light, from_eye);
-      return;
+      return true;
     }
     n.pdf_to_eye[i] =
         static_cast<double>(from_light.pdf_solid_angle(local_light, local_eye, TransportMode::importance));
@@ -364,6 +383,18 @@ void Evaluation::evaluate_inner(std::size_t i) {
   }
   x.prob_to_eye = n.pdf_to_eye[i];
   x.prob_to_light = n.pdf_to_light[i];
+  return true;
+}
+
+void Evaluation::evaluate_to_eye(std::size_t i) {
+  const scene::SurfaceHit& hit = path_.inner[i - 1].hit;
+  const Vec3 local_light = hit.shading.to_local(-path_.along[i - 1]),
+             local_eye = hit.shading.to_local(path_.along[i]);
+  scene::ClosureArena arena;
+  const scene::Closure from_light = scene_.closure(hit, local_light, arena);
+  numbers_.pdf_to_eye[i] =
+      static_cast<double>(from_light.pdf_solid_angle(local_light, local_eye, TransportMode::importance));
+  inner_[i - 1].prob_to_eye = numbers_.pdf_to_eye[i];
 }
 
 // A place in a medium whose light edits turn; as surfaces with edits.
@@ -449,16 +480,19 @@ void Evaluation::evaluate_cone(std::size_t i, const scene::Closure& from_light,
   for (double& value : x.value) value *= scale;
 }
 
+void Evaluation::evaluate_emission() {
+  const bool delta = path_.light_delta_position || path_.light_delta_direction;
+  numbers_.light_can_be_hit = !delta;
+  if (!path_.light_infinite && !delta) numbers_.factor_to_eye[0] = cosine(path_.along[0], path_.light.ng);
+  emitted_ = channels(delta                  ? path_.light_delta_radiance
+                      : path_.light_infinite ? scene_.environment(-path_.along[0])
+                                             : scene_.emitted(path_.light, path_.along[0]));
+}
+
 void Evaluation::evaluate_light() {
   PathNumbers& n = numbers_;
   const bool delta = path_.light_delta_position || path_.light_delta_direction;
   const bool on_surface = !path_.light_infinite && !delta;
-  n.light_can_be_hit = !delta;
-  if (on_surface) n.factor_to_eye[0] = cosine(path_.along[0], path_.light.ng);
-  emitted_ = channels(delta                  ? path_.light_delta_radiance
-                      : path_.light_infinite ? scene_.environment(-path_.along[0])
-                                             : scene_.emitted(path_.light, path_.along[0]));
-
   // P_0, and the density of the light's walk's direction.
   scene::EmissionDensity emission;
   bool emits = false;

@@ -112,17 +112,19 @@ class Evaluation {
 
   bool follow_edge(std::size_t i);
   void assign_media();
-  void evaluate_inner(std::size_t i);
+  // False: the density of the direction in which the light's walk leaves is not there yet, which
+  // evaluate_to_eye() sets.
+  bool evaluate_inner(std::size_t i);
+  void evaluate_to_eye(std::size_t i);
   // False: nothing is edited there.
   bool evaluate_turned(std::size_t i, const scene::Medium& medium, Vec3 to_light, Vec3 to_eye);
   void evaluate_delta(std::size_t i, const scene::Closure& from_light, const scene::Closure& from_eye,
                       Vec3 to_light, Vec3 to_eye);
   void evaluate_cone(std::size_t i, const scene::Closure& from_light, const scene::Closure& from_eye);
-  void evaluate_light();
+  void evaluate_emission();
+  void evaluate_light();  // densities; after evaluate_emission()
   void evaluate_light_direct();
   bool evaluate_sensor();
-  // False: emission, importance or a bsdf is zero.
-  bool may_be_lit() const;
   // Copies what depends on edge i, on vertex i and its neighbors, or on an end, from the shared vertices of
   // another path. False: they are not shared.
   bool copy_edge(const SharedEnds& shared, std::size_t i);
