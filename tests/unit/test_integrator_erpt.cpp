@@ -88,13 +88,17 @@ TEST(ErptPilot, ChoosesEnergyAndLength) {
   const mcmc::CoarseGrid grid(12, 8);
   const mcmc::ImageImportance importance(grid, {0, 1, 2, 254, 128, 60});
   for (const mcmc::ImageImportance& one : {mcmc::ImageImportance(), importance}) {
-    const auto read = decided_of(to_bytes({energies, one}), 12, 8);
+    const std::vector<mcmc::StepSize> sizes{{0.5, 1}, {4, 1.7}};
+    const auto read = decided_of(to_bytes({energies, sizes, one}), 12, 8, 2);
     ASSERT_TRUE(read.ok());
     EXPECT_EQ(read->energies.energy, energies.energy);
     EXPECT_EQ(read->energies.mutations, energies.mutations);
+    EXPECT_EQ(read->sizes, sizes);
     EXPECT_TRUE(std::ranges::equal(read->importance.levels(), one.levels()));
+    EXPECT_FALSE(decided_of(to_bytes({energies, sizes, one}), 12, 8, 1).ok()) << "of fewer mutations";
+    EXPECT_FALSE(decided_of(to_bytes({energies, sizes, one}), 12, 8, 3).ok()) << "of more mutations";
   }
-  EXPECT_FALSE(decided_of(to_bytes({energies, importance}), 64, 64).ok()) << "of another film";
+  EXPECT_FALSE(decided_of(to_bytes({energies, {}, importance}), 64, 64, 2).ok()) << "of another film";
 }
 
 // Claim: seeds without light, and without variance, have an energy too; few lit seeds are told.

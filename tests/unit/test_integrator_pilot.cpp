@@ -57,17 +57,18 @@ struct Decider {
   std::size_t numbers = 1;  // in the bytes
 };
 const std::vector<Decider>& deciders() {
-  static const std::vector<Decider> all = {{"ppm"},
-                                           {"bpm"},
-                                           {"vcm"},
-                                           {"upbp", {}, 6},
-                                           {"fppm"},
-                                           {"mcppm", {}, 2},
-                                           {"cppm"},
-                                           {"appm"},
-                                           {"vcmplus"},
-                                           {"optimis"},
-                                           {"erpt", {{"bootstrap", "400"}, {"two_stage", "false"}}, 2}};
+  static const std::vector<Decider> all = {
+      {"ppm"},
+      {"bpm"},
+      {"vcm"},
+      {"upbp", {}, 6},
+      {"fppm"},
+      {"mcppm", {}, 2},
+      {"cppm"},
+      {"appm"},
+      {"vcmplus"},
+      {"optimis"},
+      {"erpt", {{"bootstrap", "400"}, {"two_stage", "false"}, {"step_trials", "true"}}, 9}};
   return all;
 }
 

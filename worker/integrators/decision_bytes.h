@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "common/base/result.h"
 
@@ -28,6 +29,10 @@ class DecisionReader {
   DecisionReader(std::string_view bytes, std::string_view kind);
   std::uint64_t count(std::uint64_t end);      // in [0, end)
   double real(double least, double greatest);  // of these, or between them
+  // A fault that the numbers have together; the first fault stays.
+  void fail(std::string why) {
+    if (fault_.empty()) fault_ = std::move(why);
+  }
   // True if bytes are left, and no number was missing or out of range.
   bool more() const { return fault_.empty() && !rest_.empty(); }
   // Fails (input) unless all numbers were there, in their ranges, and no byte is left.

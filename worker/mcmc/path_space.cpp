@@ -45,7 +45,7 @@ PathSpace::PathSpace(const MutatorContext& context, std::span<const MutatorShare
     if (k <= context.max_edges) log_prob_lengths_.push_back(math::log(lengths_.prob(k)));
   for (const MutatorShare& share : shares) {
     shares_.push_back(share.share);
-    mutators_.push_back(share.entry->make(context_));
+    mutators_.push_back(share.entry->make(context_, share.step));
   }
   for (const MutatorShare& share : shares) counts_.push_back({std::string(share.entry->name), 0, 0, {}, 0});
 }
@@ -181,6 +181,11 @@ double PathSpace::quotient(const State& from, const PathMutator& mutator, rng::S
   if (!std::isfinite(ratio)) return failed(MutationFailure::not_finite);
   proposal_ = std::move(to);
   return ratio;
+}
+
+double PathSpace::squared_move() const {
+  if (!present_ || !proposal_ || mutator_ >= mutators_.size()) return 0;
+  return mutators_[mutator_]->squared_move(present_->path, proposal_->path);
 }
 
 void PathSpace::accept() {

@@ -29,6 +29,7 @@ namespace candela::mcmc {
 struct MutatorShare {
   const MutatorEntry* entry = nullptr;
   double share = 0;  // > 0
+  StepSize step = {};
 };
 
 class PathSpace final : public StateSpace {
@@ -50,6 +51,10 @@ class PathSpace final : public StateSpace {
   transport::path::PathSeed seed(std::uint64_t key) const;
   // Nothing: there is no present state.
   const PathState* present() const { return present_ ? &present_->path : nullptr; }
+  // True if a mutation suits the present state.
+  bool can_mutate() const { return present_ && present_->suitability_sum > 0; }
+  // Squared move of the proposal, which a mutation made (PathMutator::squared_move). 0: there is none.
+  double squared_move() const;
   // log p. Nothing: it is 0, or cannot be held.
   std::optional<double> log_pdf_area(const PathState& path) const;
   std::vector<chains::MutationCounts> take_counts() override;

@@ -6,6 +6,7 @@
 
 #include "worker/integrators/chains/direct_light.h"
 #include "worker/integrators/chains/first_stage.h"
+#include "worker/integrators/chains/step_sizes.h"
 #include "worker/integrators/parallel_tasks.h"
 #include "worker/integrators/pilot/eye_walk.h"
 #include "worker/mcmc/chain.h"
@@ -14,7 +15,7 @@ namespace candela::integrators {
 namespace {
 
 constexpr std::uint64_t kBootstrapChunk = 256;
-constexpr std::string_view kDecision = "mcm2";  // the importance of the film
+constexpr std::string_view kDecision = "mcm3";  // step sizes, and the importance of the film
 // The first stage has a quarter of the bootstrap's number of samples.
 constexpr std::uint64_t kFirstStageShare = 4;
 
@@ -124,32 +125,37 @@ WorkPlan ChainIntegrator::work(FilmSize size, const NamedState& /*state*/) const
 
 Result<void> ChainIntegrator::run(const UnitContext& context, const Unit& unit, const UnitInput& input,
                                   UnitOutput& output, const RunContext& run) const {
-  mcmc::ImageImportance importance;
-  if (!input.state.decided.empty()) {  // else there is one stage
+  Decided decided;
+  if (!input.state.decided.empty()) {  // else there is one stage, and nobody chose step sizes
     DecisionReader in(input.state.decided, kDecision);
-    importance = chain_jobs::read_importance(context.width, context.height, in);
+    decided.sizes = chain_jobs::read_step_sizes(in, step_count());
+    decided.importance = chain_jobs::read_importance(context.width, context.height, in);
     CANDELA_TRY(in.done());
   }
-  return unit.kind == Unit::Kind::bootstrap ? run_bootstrap(context, unit, importance, output, run)
-                                            : run_segments(context, unit, input, importance, output, run);
+  return unit.kind == Unit::Kind::bootstrap ? run_bootstrap(context, unit, decided, output, run)
+                                            : run_segments(context, unit, input, decided, output, run);
 }
 
 Result<Decision> ChainIntegrator::decide(const UnitContext& context, const RunContext& run) const {
   CANDELA_TRY(check_scene(context.scene));
   Decision decision{{}, plan_};
-  if (!settings_.two_stage) return decision;
   const std::uint64_t samples = divide_up(static_cast<std::uint64_t>(settings_.bootstrap), kFirstStageShare);
-  CANDELA_ASSIGN(const mcmc::ImageImportance importance,
-                 chain_jobs::first_stage(context, all_options_, samples, decision.plan, run));
-  if (importance.even()) return decision;
+  Decided decided;
+  if (settings_.two_stage) {
+    CANDELA_ASSIGN(decided.importance,
+                   chain_jobs::first_stage(context, all_options_, samples, decision.plan, run));
+  }
+  CANDELA_ASSIGN(decided.sizes, choose_steps(context, decided.importance, decision.plan, run));
+  if (decided.importance.even() && decided.sizes.empty()) return decision;
   DecisionWriter out(kDecision);
-  chain_jobs::write(importance, out);
+  chain_jobs::write(decided.sizes, out);
+  chain_jobs::write(decided.importance, out);
   decision.bytes = out.bytes();
   return decision;
 }
 
 Result<void> ChainIntegrator::run_bootstrap(const UnitContext& context, const Unit& unit,
-                                            const mcmc::ImageImportance& importance, UnitOutput& output,
+                                            const Decided& decided, UnitOutput& output,
                                             const RunContext& run) const {
   std::vector<float>& contributions = output.table;
   contributions.assign(unit.end - unit.begin, 0);
@@ -157,8 +163,8 @@ Result<void> ChainIntegrator::run_bootstrap(const UnitContext& context, const Un
   CANDELA_TRY(for_each_task(
       divide_up(unit.end - unit.begin, kBootstrapChunk), counts_only, run,
       [&](std::uint64_t chunk, film::SampleCounts& sample_counts) {
-        const auto space = make_space(context, sample_counts, regularization_.bandwidth(0));
-        mcmc::SplatList list(importance.used());
+        const auto space = make_space(context, sample_counts, {regularization_.bandwidth(0), decided.sizes});
+        mcmc::SplatList list(decided.importance.used());
         const std::uint64_t from = unit.begin + chunk * kBootstrapChunk;
         for (std::uint64_t i = from; i < std::min(from + kBootstrapChunk, unit.end); ++i) {
           if (run.stopped()) return;
@@ -176,8 +182,8 @@ Result<void> ChainIntegrator::run_bootstrap(const UnitContext& context, const Un
 }
 
 Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Unit& unit,
-                                           const UnitInput& input, const mcmc::ImageImportance& importance,
-                                           UnitOutput& output, const RunContext& run) const {
+                                           const UnitInput& input, const Decided& decided, UnitOutput& output,
+                                           const RunContext& run) const {
   const ChainPlan plan = chain_plan({context.width, context.height});
   const auto starts = input.starts;
   film::UnitFilm& film = *output.film;
@@ -190,7 +196,7 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
   rules.segment_mutations = plan.segment_mutations;
   rules.pixels = static_cast<double>(context.width) * context.height;
   rules.states_vanish = regularization_.runs();
-  rules.importance = importance.used();
+  rules.importance = decided.importance.used();
   // If the radius stays, the bootstrap's samples are like all others, and b is one mean.
   constexpr std::uint64_t kLate = std::uint64_t{1} << 40;
   const bool stays = !(regularization_.bandwidth(kLate) < regularization_.bandwidth(0));
@@ -222,7 +228,8 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
       progress.add(plan.segment_mutations);
     } else {
       const std::uint64_t begin = starts[i].record.segments * plan.segment_mutations;
-      const auto space = make_space(context, sample_counts, regularization_.bandwidth(begin));
+      const auto space =
+          make_space(context, sample_counts, {regularization_.bandwidth(begin), decided.sizes});
       const mcmc::ChainOutlets outlets{&splatter,
                                        sample_counts,
                                        run.stop,

@@ -1,11 +1,17 @@
 // Settings of integrators of Markov chains: those of all, and those of chains in primary sample space.
 #pragma once
 
+#include <string_view>
+
 #include "common/chains/chains.h"
 #include "worker/integrators/regularise.h"
 #include "worker/integrators/settings.h"
 
 namespace candela::integrators {
+
+// Of the setting step_trials, which chains of paths have.
+inline constexpr std::string_view kStepTrialsDoc =
+    "trials before the job choose the size of the mutations' steps; false: the default sizes";
 
 // Small steps in primary sample space.
 struct PrimarySettings {

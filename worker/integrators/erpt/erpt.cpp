@@ -13,6 +13,7 @@
 #include "worker/estimators/film_domain.h"
 #include "worker/estimators/path_dispatch.h"
 #include "worker/integrators/chains/first_stage.h"
+#include "worker/integrators/chains/step_sizes.h"
 #include "worker/integrators/erpt/pilot.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
@@ -26,6 +27,8 @@ namespace {
 
 // The longest path if there is no limit, in edges.
 constexpr std::uint32_t kLongest = 1000;
+// Trials of steps have so small a share of the bootstrap's number of samples.
+constexpr std::uint64_t kStepShare = 8;
 constexpr std::uint64_t kSeedChunk = 64;                 // of one task
 constexpr std::uint64_t kSeeds = 0x6572707473656564ULL;  // "erptseed"
 enum Purpose : std::uint64_t { sample, rounding, mutations };
@@ -61,11 +64,18 @@ class ErptIntegrator final : public IterationIntegrator {
       const estimators::PathOptions all = settings_.common.path_options();
       CANDELA_ASSIGN(decided.importance, chain_jobs::first_stage(context, all, samples, decision.plan, run));
     }
-    CANDELA_ASSIGN(const erpt::SeedStatistics statistics,
-                   erpt::seed_statistics(
-                       [&](film::SampleCounts& /*sample_counts*/) { return make_space(context, 0, nullptr); },
-                       context.seed, samples, run, decided.importance.used()));
+    CANDELA_ASSIGN(
+        const erpt::SeedStatistics statistics,
+        erpt::seed_statistics(
+            [&](film::SampleCounts& /*sample_counts*/) { return make_space(context, 0, {}, nullptr); },
+            context.seed, samples, run, decided.importance.used()));
     decided.energies = erpt::choose_energies(statistics, settings_, decision.plan);
+    if (settings_.step_trials) {
+      CANDELA_ASSIGN(decided.sizes, chain_jobs::choose_step_sizes(mutator_context(context, 0), shares_,
+                                                                  decided.importance.used(), context.seed,
+                                                                  (samples + kStepShare - 1) / kStepShare,
+                                                                  decision.plan, run));
+    }
     decision.bytes = erpt::to_bytes(decided);
     return decision;
   }
@@ -83,7 +93,7 @@ class ErptIntegrator final : public IterationIntegrator {
     film::UnitFilm& film = *output.film;
     if (has_chains()) {
       CANDELA_ASSIGN(const erpt::Decided decided,
-                     erpt::decided_of(input.state.decided, context.width, context.height));
+                     erpt::decided_of(input.state.decided, context.width, context.height, shares_.size()));
       CANDELA_TRY(run_seeds(context, unit, decided, output, run));
     }
     return run_direct(context, unit, film, run);
@@ -94,13 +104,21 @@ class ErptIntegrator final : public IterationIntegrator {
 
   // Chains end with their iteration, and have its radius. [regularisation note, section 8]
   std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, std::uint64_t iteration,
+                                               std::span<const mcmc::StepSize> sizes,
                                                const transport::PathLetters* letters) const {
+    return std::make_unique<mcmc::PathSpace>(mutator_context(context, iteration),
+                                             chain_jobs::with_sizes(shares_, sizes), letters);
+  }
+
+  mcmc::MutatorContext mutator_context(const UnitContext& context, std::uint64_t iteration) const {
     const estimators::FilmDomain film(context.filter, context.width, context.height);
-    return std::make_unique<mcmc::PathSpace>(
-        mcmc::MutatorContext{context.scene, static_cast<double>(context.width),
-                             static_cast<double>(context.height), film.border(), shortest_, longest_,
-                             regularization_.runs() ? regularization_.bandwidth(iteration) : 0},
-        shares_, letters);
+    return {context.scene,
+            static_cast<double>(context.width),
+            static_cast<double>(context.height),
+            film.border(),
+            shortest_,
+            longest_,
+            regularization_.runs() ? regularization_.bandwidth(iteration) : 0};
   }
 
   Result<void> run_seeds(const UnitContext& context, const Unit& unit, const erpt::Decided& decided,
@@ -115,33 +133,34 @@ class ErptIntegrator final : public IterationIntegrator {
                                           decided.importance.used()};
     const double factor = pixels / (static_cast<double>(energies.mutations) * static_cast<double>(seeds));
     const transport::Splatter splatter(context.filter, film, context.width, context.height);
-    return for_each_task(
-        chunks * (unit.end - unit.begin), film, run,
-        [&](std::uint64_t task, film::SampleCounts& sample_counts) {
-          const std::uint64_t index = unit.begin + task / chunks, from = task % chunks * kSeedChunk;
-          const auto space = make_space(context, global_iteration(unit.half, index), context.letters);
-          const mcmc::ChainOutlets outlets{&splatter,
-                                           sample_counts,
-                                           run.stop,
-                                           nullptr,
-                                           run.fault,
-                                           context.letters,
-                                           regularization_.layer() ? kMollifiedAt : 0};
-          mcmc::FilmDeposit deposit(outlets, factor);
-          mcmc::RedistributionCounts counts;
-          for (std::uint64_t j = from; j < std::min(from + kSeedChunk, seeds); ++j) {
-            if (run.stopped()) return;
-            const auto key = [&](Purpose purpose) {
-              return rng::key(context.seed, kSeeds, unit.half, index, j, purpose);
-            };
-            if (!mcmc::redistribute(*space, {key(sample), key(rounding), key(mutations)}, rules, outlets,
-                                    deposit, counts))
-              return;
-          }
-          const std::vector<chains::MutationCounts> by_mutation = space->take_counts();
-          for (std::size_t i = 0; i < by_mutation.size(); ++i)
-            chains::add_counts(by_mutation[i], task, *output.accumulators[i], sample_counts);
-        });
+    return for_each_task(chunks * (unit.end - unit.begin), film, run,
+                         [&](std::uint64_t task, film::SampleCounts& sample_counts) {
+                           const std::uint64_t index = unit.begin + task / chunks,
+                                               from = task % chunks * kSeedChunk;
+                           const auto space = make_space(context, global_iteration(unit.half, index),
+                                                         decided.sizes, context.letters);
+                           const mcmc::ChainOutlets outlets{&splatter,
+                                                            sample_counts,
+                                                            run.stop,
+                                                            nullptr,
+                                                            run.fault,
+                                                            context.letters,
+                                                            regularization_.layer() ? kMollifiedAt : 0};
+                           mcmc::FilmDeposit deposit(outlets, factor);
+                           mcmc::RedistributionCounts counts;
+                           for (std::uint64_t j = from; j < std::min(from + kSeedChunk, seeds); ++j) {
+                             if (run.stopped()) return;
+                             const auto key = [&](Purpose purpose) {
+                               return rng::key(context.seed, kSeeds, unit.half, index, j, purpose);
+                             };
+                             if (!mcmc::redistribute(*space, {key(sample), key(rounding), key(mutations)},
+                                                     rules, outlets, deposit, counts))
+                               return;
+                           }
+                           const std::vector<chains::MutationCounts> by_mutation = space->take_counts();
+                           for (std::size_t i = 0; i < by_mutation.size(); ++i)
+                             chains::add_counts(by_mutation[i], task, *output.accumulators[i], sample_counts);
+                         });
   }
 
   // The samples of iteration i are those of index i s ... i s + s - 1, s their number.

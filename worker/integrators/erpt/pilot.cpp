@@ -10,6 +10,7 @@
 #include "common/base/work_monitor.h"
 #include "common/rng/stream.h"
 #include "worker/integrators/chains/first_stage.h"
+#include "worker/integrators/chains/step_sizes.h"
 #include "worker/integrators/decision_bytes.h"
 #include "worker/integrators/parallel_tasks.h"
 #include "worker/mcmc/chain.h"
@@ -17,7 +18,7 @@
 namespace candela::integrators::erpt {
 namespace {
 
-constexpr std::string_view kKind = "erp2";
+constexpr std::string_view kKind = "erp3";
 constexpr std::uint64_t kPilot = 0x6572707470696cULL;  // "erptpil"
 constexpr std::uint64_t kChunk = 256;
 constexpr std::uint64_t kMaxLength = 1 << 20;
@@ -92,16 +93,19 @@ std::string to_bytes(const Decided& decided) {
   DecisionWriter out(kKind);
   out.real(decided.energies.energy);
   out.count(decided.energies.mutations);
+  chain_jobs::write(decided.sizes, out);
   chain_jobs::write(decided.importance, out);
   return out.bytes();
 }
 
-Result<Decided> decided_of(std::string_view bytes, std::uint32_t width, std::uint32_t height) {
+Result<Decided> decided_of(std::string_view bytes, std::uint32_t width, std::uint32_t height,
+                           std::size_t shares) {
   DecisionReader in(bytes, kKind);
   Decided result;
   Energies& energies = result.energies;
   energies.energy = in.real(std::numeric_limits<double>::min(), std::numeric_limits<double>::max());
   energies.mutations = in.count(kMaxLength + 1);
+  result.sizes = chain_jobs::read_step_sizes(in, shares);
   result.importance = chain_jobs::read_importance(width, height, in);
   CANDELA_TRY(in.done());
   energies.mutations = std::max<std::uint64_t>(energies.mutations, 1);

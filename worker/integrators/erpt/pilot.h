@@ -5,10 +5,12 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "worker/integrators/erpt/settings.h"
 #include "worker/integrators/integrator.h"
 #include "worker/mcmc/image_importance.h"
+#include "worker/mcmc/mutators/registry.h"
 #include "worker/mcmc/state_space.h"
 
 namespace candela::integrators::erpt {
@@ -40,10 +42,12 @@ Energies choose_energies(const SeedStatistics& statistics, const ErptSettings& s
 // The pilot decides these for the whole job.
 struct Decided {
   Energies energies;
+  std::vector<mcmc::StepSize> sizes;  // of steps, of each share; none: the default
   mcmc::ImageImportance importance;
 };
 std::string to_bytes(const Decided& decided);
-// Film size: of the job.
-Result<Decided> decided_of(std::string_view bytes, std::uint32_t width, std::uint32_t height);
+// Film size, and number of mutations: of the job.
+Result<Decided> decided_of(std::string_view bytes, std::uint32_t width, std::uint32_t height,
+                           std::size_t shares);
 
 }  // namespace candela::integrators::erpt

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "worker/integrators/chains/settings.h"
 #include "worker/integrators/common_settings.h"
 #include "worker/integrators/regularise.h"
 #include "worker/mcmc/path_space.h"
@@ -41,6 +42,7 @@ struct ErptSettings {
   Choice direct{"path", {"chain", "path"}};
   int direct_samples = 1;
   bool two_stage = true;
+  bool step_trials = false;
   RegulariseSettings regularise;
 
   template <class Visitor>
@@ -68,6 +70,7 @@ struct ErptSettings {
     visit("two_stage", two_stage,
           "seeds and chains follow light over the brightness of the image, as a first stage finds it: dark "
           "parts of the image get as many mutations as bright ones");
+    visit("step_trials", step_trials, kStepTrialsDoc);
     regularise.fields(visit);
     common.plan_field(visit);
   }

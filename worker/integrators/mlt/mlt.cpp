@@ -8,6 +8,7 @@
 
 #include "worker/estimators/film_domain.h"
 #include "worker/integrators/chains/chain_integrator.h"
+#include "worker/integrators/chains/step_sizes.h"
 #include "worker/integrators/plan_light.h"
 #include "worker/mcmc/path_space.h"
 
@@ -16,6 +17,8 @@ namespace {
 
 // The longest path if there is no limit, in edges: a chain's state has to fit into its record.
 constexpr std::uint32_t kLongest = 1000;
+// Trials of steps have so small a share of the bootstrap's number of samples.
+constexpr std::uint64_t kStepShare = 8;
 
 class MltIntegrator final : public ChainIntegrator {
  public:
@@ -24,7 +27,9 @@ class MltIntegrator final : public ChainIntegrator {
       : ChainIntegrator(settings.chains, settings.common.path_options(), features,
                         settings.common.full_plan(), 2),
         shortest_(chain_options().min_edges),
-        longest_(std::min(chain_options().max_depth, kLongest)) {
+        longest_(std::min(chain_options().max_depth, kLongest)),
+        step_trials_(settings.step_trials),
+        step_samples_((static_cast<std::uint64_t>(settings.chains.bootstrap) + kStepShare - 1) / kStepShare) {
     for (const mcmc::MutatorPreset& preset : mcmc::mutator_presets())
       if (preset.name == settings.mutations.preset.value)
         for (const mcmc::MutatorEntry& entry : preset.mutations) shares_.push_back({&entry, entry.share});
@@ -62,16 +67,34 @@ class MltIntegrator final : public ChainIntegrator {
 
   std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context,
                                                film::SampleCounts& /*sample_counts*/,
-                                               double bandwidth) const override {
+                                               const SpaceRules& rules) const override {
+    return std::make_unique<mcmc::PathSpace>(mutator_context(context, rules.bandwidth),
+                                             chain_jobs::with_sizes(shares_, rules.sizes), context.letters);
+  }
+
+  Result<std::vector<mcmc::StepSize>> choose_steps(const UnitContext& context,
+                                                   const mcmc::ImageImportance& importance, Plan& plan,
+                                                   const RunContext& run) const override {
+    if (!step_trials_ || longest_ < shortest_) return std::vector<mcmc::StepSize>();
+    return chain_jobs::choose_step_sizes(mutator_context(context, regularization_.bandwidth(0)), shares_,
+                                         importance.used(), context.seed, step_samples_, plan, run);
+  }
+  std::size_t step_count() const override { return shares_.size(); }
+
+  mcmc::MutatorContext mutator_context(const UnitContext& context, double bandwidth) const {
     const estimators::FilmDomain film(context.filter, context.width, context.height);
-    return std::make_unique<mcmc::PathSpace>(
-        mcmc::MutatorContext{context.scene, static_cast<double>(context.width),
-                             static_cast<double>(context.height), film.border(), shortest_, longest_,
-                             regularization_.runs() ? bandwidth : 0},
-        shares_, context.letters);
+    return {context.scene,
+            static_cast<double>(context.width),
+            static_cast<double>(context.height),
+            film.border(),
+            shortest_,
+            longest_,
+            regularization_.runs() ? bandwidth : 0};
   }
 
   std::uint32_t shortest_, longest_;
+  bool step_trials_;
+  std::uint64_t step_samples_;
   std::vector<mcmc::MutatorShare> shares_;
 };
 

@@ -37,6 +37,7 @@ struct MltSettings {
   CommonSettings common{integrator_words::kMlt};
   ChainSettings chains;
   MutatorSettings mutations;
+  bool step_trials = false;
   ChainRegulariseSettings regularise;
 
   // Mutations find light that is rare, large steps do not; and paths of two edges have little noise.
@@ -53,6 +54,7 @@ struct MltSettings {
                        "not read: paths of the chains have no Russian roulette, and those of path tracing "
                        "beside them are short");
     chains.fields(visit, mutations);
+    visit("step_trials", step_trials, kStepTrialsDoc);
     regularise.fields(visit);
     common.plan_field(visit);
   }

@@ -61,13 +61,13 @@ class MmltIntegrator final : public ChainIntegrator {
   }
 
   std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, film::SampleCounts& sample_counts,
-                                               double bandwidth) const override {
+                                               const SpaceRules& rules) const override {
     if (context.scene.objects().path_edits != nullptr)
       return std::make_unique<mcmc::PrimarySpace>(target<EdgeContent::media, true>(context, sample_counts),
                                                   steps_);
     if (regularization_.runs())
       return std::make_unique<mcmc::PrimarySpace>(
-          mmlt::make_mollified_target(context, options_, planned_.techniques, lengths_, bandwidth,
+          mmlt::make_mollified_target(context, options_, planned_.techniques, lengths_, rules.bandwidth,
                                       sample_counts),
           steps_);
     return std::make_unique<mcmc::PrimarySpace>(

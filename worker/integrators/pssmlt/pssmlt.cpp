@@ -40,8 +40,8 @@ class PssmltIntegrator final : public ChainIntegrator {
 
  private:
   std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context, film::SampleCounts& sample_counts,
-                                               double bandwidth) const override {
-    return std::make_unique<mcmc::PrimarySpace>(make_target(context, sample_counts, bandwidth), steps_);
+                                               const SpaceRules& rules) const override {
+    return std::make_unique<mcmc::PrimarySpace>(make_target(context, sample_counts, rules.bandwidth), steps_);
   }
   std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context,
                                                    film::SampleCounts& sample_counts,

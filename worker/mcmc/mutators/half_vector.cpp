@@ -176,4 +176,22 @@ std::optional<double> HalfVectorMutator::log_pdf_area(const PathState& from, con
   return sum;
 }
 
+// Of slopes, over the squared roughness of their lobes.
+double HalfVectorMutator::squared_move(const PathState& from, const PathState& to) const {
+  const std::vector<Stretch>&all = stretches(from), &others = stretches(to);
+  if (all.empty() || all.size() != others.size()) return 0;
+  const auto moved =
+      rules_.segments ? moved_stretch(all, others, from.path, to.path) : std::optional<std::size_t>(0);
+  if (!moved) return 0;
+  const auto &here = prepared(from, all[*moved]), &there = prepared(to, others[*moved]);
+  if (!here || !there) return 0;
+  double sum = 0;
+  for (std::size_t i = 0; i < here->alphas.size(); ++i) {
+    if (!(here->alphas[i] > 0)) continue;
+    const Pair d = there->slopes[i] - here->slopes[i];
+    sum += dot(d, d) / (here->alphas[i] * here->alphas[i]);
+  }
+  return sum;
+}
+
 }  // namespace candela::mcmc

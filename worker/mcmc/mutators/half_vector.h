@@ -40,6 +40,7 @@ class HalfVectorMutator final : public PathMutator {
   double suitability(const PathState& from) const override;
   Proposal propose(const PathState& from, rng::Stream& stream) const override;
   std::optional<double> log_pdf_area(const PathState& from, const PathState& to) const override;
+  double squared_move(const PathState& from, const PathState& to) const override;
 
  private:
   // A segment of a state, and what is prepared of it when it is first asked for. Nothing: it has no half

@@ -33,6 +33,9 @@ class LensMutator final : public PathMutator {
   double suitability(const PathState& from) const override;
   Proposal propose(const PathState& from, rng::Stream& stream) const override;
   std::optional<double> log_pdf_area(const PathState& from, const PathState& to) const override;
+  double squared_move(const PathState& from, const PathState& to) const override {
+    return film_move(context_, from, to);
+  }
 
  private:
   const MutatorContext context_;

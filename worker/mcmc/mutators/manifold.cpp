@@ -212,4 +212,18 @@ std::optional<double> ManifoldMutator::log_pdf_area(const PathState& from, const
   return sum;
 }
 
+// Of the free vertex, in pixels at its place; far moves count as those over the film.
+double ManifoldMutator::squared_move(const PathState& from, const PathState& to) const {
+  const path::PathRange changed = path::changed_range(from.path, to.path);
+  for (std::size_t i = changed.begin; i < changed.end; ++i) {
+    if (from.path.vertices[i].delta || from.path.vertices[i].kind != Kind::surface) continue;
+    const double width =
+        pixel_width(from, context_.domain_area(), length_between(from, i, from.path.edge_count()));
+    const double distance = std::min(length(to.assembled().places[i] - from.assembled().places[i]) / width,
+                                     far_on_film(context_));
+    return distance * distance;
+  }
+  return 0;
+}
+
 }  // namespace candela::mcmc

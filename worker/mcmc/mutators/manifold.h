@@ -36,6 +36,7 @@ class ManifoldMutator final : public PathMutator {
   double suitability(const PathState& from) const override;
   Proposal propose(const PathState& from, rng::Stream& stream) const override;
   std::optional<double> log_pdf_area(const PathState& from, const PathState& to) const override;
+  double squared_move(const PathState& from, const PathState& to) const override;
 
   struct Choice {
     std::size_t a = 0, b = 0, c = 0;  // a > b > c: the ray comes from the sensor's side

@@ -73,6 +73,9 @@ class PathMutator {
   // Precondition: suitability(from) > 0.
   virtual Proposal propose(const PathState& from, rng::Stream& stream) const = 0;
   virtual std::optional<double> log_pdf_area(const PathState& from, const PathState& to) const = 0;
+  // The square of the distance from a path to one that propose() made of it, in a unit that does not depend
+  // on the size of steps: what trials compare sizes by (mcmc/step_trials.h). 0: the mutation has no steps.
+  virtual double squared_move(const PathState& /*from*/, const PathState& /*to*/) const { return 0; }
 };
 
 // log of f(to) T(to -> from) / (f(from) T(from -> to)). Nothing: one of the densities is zero.

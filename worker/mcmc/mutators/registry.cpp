@@ -12,33 +12,39 @@
 namespace candela::mcmc {
 namespace {
 
-std::unique_ptr<PathMutator> make_bidirectional(const MutatorContext& context) {
+// [half-vector note, section 9]: 2 % of the film's shorter side, in pixels.
+double image_step(const MutatorContext& context, const StepSize& size) {
+  return 0.02 * std::min(context.film_width, context.film_height) * size.image;
+}
+
+std::unique_ptr<PathMutator> make_bidirectional(const MutatorContext& context, const StepSize& /*size*/) {
   return std::make_unique<BidirectionalMutator>(context);
 }
-std::unique_ptr<PathMutator> make_lens(const MutatorContext& context) {
-  return std::make_unique<LensMutator>(context, LensRules{false, film_step(context)});
+template <bool kMultichain>
+std::unique_ptr<PathMutator> make_lens(const MutatorContext& context, const StepSize& size) {
+  return std::make_unique<LensMutator>(context, LensRules{kMultichain, film_step(context, size.image)});
 }
-std::unique_ptr<PathMutator> make_caustic(const MutatorContext& context) {
-  return std::make_unique<CausticMutator>(context, film_step(context));
+std::unique_ptr<PathMutator> make_caustic(const MutatorContext& context, const StepSize& size) {
+  return std::make_unique<CausticMutator>(context, film_step(context, size.image));
 }
-std::unique_ptr<PathMutator> make_multichain(const MutatorContext& context) {
-  return std::make_unique<LensMutator>(context, LensRules{true, film_step(context)});
+std::unique_ptr<PathMutator> make_manifold(const MutatorContext& context, const StepSize& size) {
+  return std::make_unique<ManifoldMutator>(context, image_step(context, size));
 }
-// [half-vector note, section 9] has 2 % of the film's shorter side.
-std::unique_ptr<PathMutator> make_manifold(const MutatorContext& context) {
-  return std::make_unique<ManifoldMutator>(context, 0.02 * std::min(context.film_width, context.film_height));
-}
-std::unique_ptr<PathMutator> make_half_vector(const MutatorContext& context) {
-  return std::make_unique<HalfVectorMutator>(context.scene, HalfVectorRules{}, context.rays);
+std::unique_ptr<PathMutator> make_half_vector(const MutatorContext& context, const StepSize& size) {
+  HalfVectorRules rules;
+  rules.step.gamma *= size.roughness;
+  rules.step.image_step *= size.image;
+  return std::make_unique<HalfVectorMutator>(context.scene, rules, context.rays);
 }
 
 // For segments between diffuse vertices, as wide as the film allows.
 template <bool kOneStep>
-std::unique_ptr<PathMutator> make_segments(const MutatorContext& context) {
+std::unique_ptr<PathMutator> make_segments(const MutatorContext& context, const StepSize& size) {
   HalfVectorRules rules;
   rules.one_step = kOneStep;
   rules.segments = true;
-  rules.step.image_step = 0.02 * std::min(context.film_width, context.film_height);
+  rules.step.gamma *= size.roughness;
+  rules.step.image_step = image_step(context, size);
   return std::make_unique<HalfVectorMutator>(context.scene, rules, context.rays);
 }
 
@@ -46,21 +52,24 @@ constexpr MutatorEntry kBidirectional{
     "bidirectional", 1, "vertices are taken out of the path, and others put there by walks from both sides",
     make_bidirectional};
 constexpr MutatorEntry kLens{"lens", 0, "the film position moves, with the first chain of specular vertices",
-                             make_lens};
+                             make_lens<false>, true};
 constexpr MutatorEntry kCaustic{"caustic", 0, "light turns before the last chain of specular vertices",
-                                make_caustic};
-constexpr MutatorEntry kMultichain{
-    "multichain", 0, "the film position moves, with several chains of specular vertices", make_multichain};
+                                make_caustic, true};
+constexpr MutatorEntry kMultichain{"multichain", 0,
+                                   "the film position moves, with several chains of specular vertices",
+                                   make_lens<true>, true};
 constexpr MutatorEntry kManifold{
-    "manifold", 0, "a vertex moves, and specular ones walk to where they have to be", make_manifold};
-constexpr MutatorEntry kHalfVector{"half_vector", 0, "half vectors of the whole path, by a walk",
-                                   make_half_vector};
+    "manifold", 0, "a vertex moves, and specular ones walk to where they have to be", make_manifold, true};
+constexpr MutatorEntry kHalfVector{"half_vector",    0,    "half vectors of the whole path, by a walk",
+                                   make_half_vector, true, true};
 constexpr std::array kMutators{kBidirectional, kLens, kCaustic, kMultichain, kManifold, kHalfVector};
 
 constexpr MutatorEntry kSegmentWalk{
-    "half_vector", 0, "half vectors between two diffuse vertices or ends, by a walk", make_segments<false>};
+    "half_vector",        0,    "half vectors between two diffuse vertices or ends, by a walk",
+    make_segments<false>, true, true};
 constexpr MutatorEntry kSegmentStep{
-    "one_step", 0, "half vectors between two diffuse vertices or ends, by one step", make_segments<true>};
+    "one_step",          0,    "half vectors between two diffuse vertices or ends, by one step",
+    make_segments<true>, true, true};
 
 constexpr MutatorEntry with_share(MutatorEntry entry, double share) {
   entry.share = share;

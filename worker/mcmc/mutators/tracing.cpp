@@ -93,11 +93,20 @@ double film_distance(const PathState& a, const PathState& b) {
   return std::sqrt(x * x + y * y);
 }
 
-LogStep film_step(const MutatorContext& context) {
+double far_on_film(const MutatorContext& context) {
+  constexpr double kShare = 0.05;
+  return std::sqrt(kShare * context.film_width * context.film_height / std::numbers::pi);
+}
+
+LogStep film_step(const MutatorContext& context, double size) {
   // [Veach 1997] has 0.1 pixels: half of the steps then stay within a pixel, which moves no light.
-  constexpr double kMin = 1, kShare = 0.05;
-  const double radius = std::sqrt(kShare * context.film_width * context.film_height / std::numbers::pi);
-  return {kMin, std::max(4 * kMin, radius)};
+  constexpr double kMin = 1;
+  return {kMin, std::max(4 * kMin, far_on_film(context) * size)};
+}
+
+double film_move(const MutatorContext& context, const PathState& from, const PathState& to) {
+  const double distance = std::min(film_distance(from, to), far_on_film(context));
+  return distance * distance;
 }
 
 double log_film_per_direction(const PathState& state, double film_area) {

@@ -44,9 +44,12 @@ bool on_film(const MutatorContext& context, double x, double y);
 // Between film positions, in pixels.
 double film_distance(const PathState& a, const PathState& b);
 
-// The steps of film positions: from a pixel to the radius of a disk of 5 % of the film
-// [Veach 1997, Sec. 11.4.3.1].
-LogStep film_step(const MutatorContext& context);
+// The radius of a disk of 5 % of the film, in pixels [Veach 1997, Sec. 11.4.3.1].
+double far_on_film(const MutatorContext& context);
+// The steps of film positions: from a pixel to `size` times far_on_film().
+LogStep film_step(const MutatorContext& context, double size);
+// As PathMutator::squared_move: pixels^2, of which a move is at most far_on_film().
+double film_move(const MutatorContext& context, const PathState& from, const PathState& to);
 
 // Pixels of film area per solid angle of the last edge at the lens; of an orthographic sensor per area
 // across the edge. film_area: MutatorContext::domain_area().
