@@ -5,8 +5,8 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
-#include <thread>
 
+#include "client/embedded/local_farm.h"
 #include "client/values.h"
 
 namespace candela::client {
@@ -84,11 +84,7 @@ void add_spp_of_pixels(CLI::App& app, std::optional<std::string>& spp) {
 Result<OpenedScene> open_for_inspection(Context& context, const InspectOptions& options,
                                         const std::string& integrator, LoadedScene* loaded) {
   OpenedScene opened;
-  opened.threads = std::max(1U, std::thread::hardware_concurrency());
-  if (options.threads) {
-    CANDELA_ASSIGN(const std::uint64_t threads, parse_count(*options.threads, "--threads", 1, 1024));
-    opened.threads = static_cast<unsigned>(threads);
-  }
+  CANDELA_ASSIGN(opened.threads, parse_threads(options.threads));
   CANDELA_ASSIGN(const inspect::Selection selection, selection_of(options, opened.spot));
   SceneOptions wanted = options.scene;
   wanted.integrator = integrator;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <thread>
 
+#include "client/values.h"
 #include "common/base/memory_limit.h"
 #include "common/base/mutex.h"
 #include "common/description/reading_budget.h"
@@ -121,6 +122,13 @@ void LocalFarm::drain_workers() {
 void LocalFarm::stop() {
   drain_workers();
   if (state_->master) state_->master->stop();
+}
+
+Result<unsigned> parse_threads(const std::optional<std::string>& text) {
+  constexpr unsigned kMaxThreads = 1024;
+  if (!text) return std::max(1U, std::thread::hardware_concurrency());
+  CANDELA_ASSIGN(const std::uint64_t threads, parse_count(*text, "--threads", 1, kMaxThreads));
+  return static_cast<unsigned>(threads);
 }
 
 std::vector<unsigned> split_threads(unsigned total, unsigned workers) {

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "common/base/result.h"
@@ -43,6 +44,8 @@ class LocalFarm {
   std::unique_ptr<State> state_;
 };
 
+// The value of --threads; without one a thread for each core.
+Result<unsigned> parse_threads(const std::optional<std::string>& text);
 // `total` threads over `workers` workers, as evenly as can be, at least one each.
 std::vector<unsigned> split_threads(unsigned total, unsigned workers);
 

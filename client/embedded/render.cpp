@@ -10,7 +10,6 @@
 #include <cmath>
 #include <optional>
 #include <ostream>
-#include <thread>
 
 #include "client/commands/waiting.h"
 #include "client/context.h"
@@ -37,24 +36,20 @@
 namespace candela::client {
 namespace {
 
-constexpr unsigned kMaxThreads = 1024;
 constexpr unsigned kMaxWorkers = 256;
 constexpr double kCallSeconds = 60;  // for a call within the process, on a machine that is busy rendering
 constexpr double kStallSeconds = 5;  // of a render that can keep neither checkpoints nor its end
 
 Result<std::vector<unsigned>> worker_threads(const RenderOptions& options) {
   std::uint64_t workers = 1;
-  std::uint64_t threads = std::max(1U, std::thread::hardware_concurrency());
   if (options.workers) {
     CANDELA_ASSIGN(workers, parse_count(*options.workers, "--workers", 1, kMaxWorkers));
   }
-  if (options.threads) {
-    CANDELA_ASSIGN(threads, parse_count(*options.threads, "--threads", 1, kMaxThreads));
-    if (threads < workers)
-      return usage_error(fmt::format("{} threads cannot be split among {} workers", threads, workers))
-          .with_field("--threads");
-  }
-  return split_threads(static_cast<unsigned>(threads), static_cast<unsigned>(workers));
+  CANDELA_ASSIGN(const unsigned threads, parse_threads(options.threads));
+  if (options.threads && threads < workers)
+    return usage_error(fmt::format("{} threads cannot be split among {} workers", threads, workers))
+        .with_field("--threads");
+  return split_threads(threads, static_cast<unsigned>(workers));
 }
 
 Result<std::uint64_t> texture_memory_bytes(const RenderOptions& options) {

@@ -14,9 +14,11 @@
 
 namespace candela::stats {
 
-// An accumulator of the job, in blocks of pixels (block_side()).
+inline constexpr const char* kInnerMerges = "merging.inner";
+
+// The job's accumulator: a sum for each block of pixels (block_side()).
 film::AccumulatorSpec inner_merges_spec(std::uint32_t width, std::uint32_t height, int film_scale_log2);
-// That of a unit. Null: it has none.
+// Finds the accumulator among those of a unit. Returns null if the unit has none.
 film::UnitAccumulator* find_inner_merges(std::span<const std::unique_ptr<film::UnitAccumulator>> of_unit);
 // Adds a sample of a pixel that only the calling thread adds to. A value that is unusable is left out.
 void add_inner_merges(film::UnitAccumulator& to, std::uint32_t width, std::uint32_t height, std::uint32_t x,
@@ -26,6 +28,5 @@ void add_inner_merges(film::UnitAccumulator& to, std::uint32_t width, std::uint3
 // The bias of the means of both halves, of n0 and n1 iterations. Empty unless both have some, and sums.
 Movement::Bias measured_bias(const std::array<const film::MergedAccumulator*, 2>& halves, std::uint32_t width,
                              std::uint32_t height, double n0, double n1);
-inline constexpr const char* kInnerMerges = "merging.inner";
 
 }  // namespace candela::stats

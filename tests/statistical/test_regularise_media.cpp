@@ -1,6 +1,5 @@
 // Mollified connections in media: the other end of a mollified edge is a place in a medium, or a medium lies
-// in between. Single scattering against quadrature; a room in fog against merging and beams. [regularisation
-// note, section 10]
+// in between. Single scattering against quadrature. [regularisation note, section 10]
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -8,13 +7,10 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <limits>
 #include <numbers>
-#include <sstream>
 #include <string>
 
-#include "tests/paths.h"
 #include "tests/regularised_scenes.h"
 #include "tests/statistical/harness.h"
 #include "tests/statistical/moments.h"
@@ -138,60 +134,6 @@ TEST(RegularisedMedia, SingleScatteringBetweenMirrors) {
       EXPECT_NEAR(mean[c].mean() / exact - 1, -q / 4, 5 * error + q * q / 2 + one.other_bias);
       EXPECT_LT(error, one.short_error / (long_form() ? 3 : 1));
     }
-  }
-}
-
-// The room with a bulb, full of fog; glass keeps it out.
-std::string foggy_bulb_room() {
-  std::ifstream file(test::source_path("tests/statistical/transport/bulb-room.xml"));
-  std::stringstream all;
-  all << file.rdbuf();
-  std::string text = all.str();
-  const auto insert = [&](const std::string& after, const std::string& more) {
-    const std::size_t at = text.find(after);
-    ASSERT_NE(at, std::string::npos) << after;
-    text.insert(at + after.size(), more);
-  };
-  insert("<integer name=\"max_depth\" value=\"7\"/>\n  </integrator>",
-         "<medium type=\"homogeneous\" id=\"fog\"><rgb name=\"sigma_t\" value=\"0.2, 0.3, 0.45\"/><rgb "
-         "name=\"albedo\" value=\"0.9, 0.8, 0.7\"/></medium>");
-  insert("<float name=\"fov\" value=\"$fov\"/>", "<ref id=\"fog\"/>");
-  insert("<float name=\"radius\" value=\"0.13\"/>", "<ref name=\"exterior\" id=\"fog\"/>");
-  insert("<translate x=\"0.62\" y=\"-0.66\" z=\"-0.55\"/></transform>",
-         "<ref name=\"exterior\" id=\"fog\"/>");
-  insert("value=\"0.25, 0.4, 0.8\"/>", "<ref id=\"fog\"/>");
-  return text;
-}
-
-// Claim: a room full of fog, lit by point lamps behind glass and seen in a mirror, is for mollified
-// bidirectional path tracing as bright as for upbp, which merges and has beams. The bias of the
-// theory is below 0.005: the shortest edge that is mollified is 1.9 long, the radius 0.26.
-TEST(RegularisedMedia, RoomInFogIsThatOfMerging) {
-  const TestScene room = scene_from_xml(foggy_bulb_room(), 16, 16);
-  const std::uint64_t effort = long_form() ? 16 : 1;
-  const auto measure = [&](const std::string& integrator, SettingsMap settings, std::uint64_t iterations) {
-    settings["max_depth"] = "5";
-    std::array<Moments, 3> channels;
-    for (const auto& image :
-         render_batches(with_integrator(room, integrator, settings), 4800, 24, iterations * effort))
-      for (std::size_t c = 0; c < 3; ++c) {
-        double sum = 0;  // over pixels that see the room in the mirror, without its frame
-        for (std::size_t y = 4; y <= 9; ++y)
-          for (std::size_t x = 4; x <= 10; ++x) sum += static_cast<double>(image[(y * 16 + x) * 3 + c]);
-        channels[c].add(sum / 42);
-      }
-    return channels;
-  };
-  const auto blurred = measure("bdpt", {{"regularise", "on"}, {"regularise_radius", "0.15"}}, 64);
-  const auto plain = measure("bdpt", {}, 8);
-  const auto merged = measure("upbp", {{"radius", "0.02"}, {"light_paths", "8"}}, 8);
-  for (std::size_t c = 0; c < 3; ++c) {
-    const double error = std::hypot(blurred[c].error(), merged[c].error());
-    std::printf("channel %zu: regularised %.4f +- %.4f, merged %.4f +- %.4f, connections alone %.4f\n", c,
-                blurred[c].mean(), blurred[c].error(), merged[c].mean(), merged[c].error(), plain[c].mean());
-    EXPECT_NEAR(blurred[c].mean(), merged[c].mean(), 5 * error + 0.005 * merged[c].mean());
-    EXPECT_LT(error, (long_form() ? 0.04 : 0.12) * merged[c].mean());
-    EXPECT_LT(plain[c].mean(), 0.9 * merged[c].mean());
   }
 }
 

@@ -73,7 +73,7 @@ TEST_F(Check, LightThatIsMissing) {
         << integrator;
   }
   EXPECT_NE(check(scene, {}, "vcm").out.find("0 warnings, 0 notes\n"), std::string::npos);
-  // Where nothing is matt, merging finds no more than connections do.
+  // Merging needs a matt surface: without one it finds no more than connections do.
   const std::string clear = "<shape type='sphere'><bsdf type='dielectric'/></shape><emitter type='point'/>";
   for (const char* integrator : {"ppm", "vcm", "mcppm"}) {
     EXPECT_NE(check(clear, {}, integrator).out.find("light that is missing: "), std::string::npos);

@@ -20,12 +20,16 @@ bool bends_light(const scene::SceneFeatures& features) {
   return features.any_delta_bsdf &&
          (has("conductor") || has("dielectric") || has("plastic") || has("coating"));
 }
+// Some surface or medium has vertices to connect or merge at.
+bool has_vertices_to_join(const scene::SceneFeatures& features) {
+  return !features.all_bsdfs_delta || features.any_scattering_medium;
+}
 // The scene has paths that end as `finds` cannot: light, glass, a matt surface, the eye; with glass between
 // the last two if light paths are connected.
 bool hides_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds) {
   const std::uint32_t edges = finds == Finds::eye_paths ? 3 : 4;
-  const bool rests = !features.all_bsdfs_delta || features.any_scattering_medium;
-  return features.emitters > 0 && max_depth >= edges && bends_light(features) && rests;
+  return features.emitters > 0 && max_depth >= edges && bends_light(features) &&
+         has_vertices_to_join(features);
 }
 // Light paths happen to meet the lens: by luck they find all light.
 bool meets_lens(const scene::SceneFeatures& features, Finds finds) {
@@ -37,10 +41,10 @@ std::string_view over(Finds finds) {
              : "over glass or mirrors, another surface, and glass or mirrors again to the eye";
 }
 
-// Where nothing is matt, there is nothing to merge at.
+// Says which light merging cannot find because all surfaces are specular. Empty: there is none.
 std::string cannot_merge(const scene::SceneFeatures& features, std::uint32_t max_depth) {
-  const bool rests = !features.all_bsdfs_delta || features.any_scattering_medium;
-  if (!features.any_delta_emitter || rests || features.finite_lens || max_depth < 2 || !bends_light(features))
+  if (!features.any_delta_emitter || has_vertices_to_join(features) || features.finite_lens ||
+      max_depth < 2 || !bends_light(features))
     return {};
   return "of points and directions over mirrors or glass straight to the eye: no path has a vertex where it "
          "could merge; take bdpt with regularise=on, which blurs it";

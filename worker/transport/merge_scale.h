@@ -22,7 +22,7 @@ struct MergeScale {
         eta(eta_),
         inner_disc(kernel, disc_radius_ / 2),
         inner_ball(kernel, ball_radius_ / 2) {}
-  // Merges within half of the radius are wanted apart, too (common/stats/inner_merges.h).
+  // Asks for the sum of merges within half of the radius (common/stats/inner_merges.h).
   void want_inner() {
     inner_disc2 = disc_radius * disc_radius / 4;
     inner_ball2 = ball_radius * ball_radius / 4;
@@ -32,7 +32,8 @@ struct MergeScale {
   DiscKernel disc;
   BallKernel ball;
   MergeFactors eta;
-  // Of half the radius. Below 0: nothing is within it.
+  // The kernels of half the radius, and its squares: below 0, so that no photon is within, unless
+  // want_inner() sets them.
   DiscKernel inner_disc;
   BallKernel inner_ball;
   float inner_disc2 = -1, inner_ball2 = -1;
