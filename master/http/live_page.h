@@ -20,6 +20,7 @@
 #include "common/base/result.h"
 #include "master/http/http_message.h"
 #include "master/http/pictures.h"
+#include "master/http/refresh_budget.h"
 #include "master/http/routes.h"
 #include "master/http/thumbnails.h"
 #include "master/http/wall.h"
@@ -85,21 +86,10 @@ class LivePage {
   void closed(const std::string& topic);
 
  private:
-  // Spends at most a share of the time on what it guards: due() until then, spent() with the processor's
-  // time.
-  class Budget {
-   public:
-    bool due(double now) const { return now >= next_; }
-    void spent(double now, double seconds, double pause, double share);
-    void reset() { next_ = 0; }
-
-   private:
-    double next_ = 0;
-  };
   struct Topic {
     int viewers = 0;
     std::map<std::string, std::string> sent;  // by kind of event: the last one, for who comes later
-    Budget status, details, picture;
+    RefreshBudget status, details, picture;
     bool listed = false;           // of the farm: the page knows the lines that viewers have by GET
     std::uint64_t iterations = 0;  // of the picture that was sent
     std::shared_ptr<Picture> picture_made;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <limits>
 #include <set>
 #include <utility>
 
@@ -24,7 +25,8 @@ namespace {
 constexpr double kRowsShare = 0.004, kStatusShare = 0.002, kDetailsShare = 0.002, kPictureShare = 0.008;
 constexpr double kLookShare = 0.001;  // of looks at the farm that only its viewers need
 constexpr double kRowsPause = 1, kStatusPause = 1, kDetailsPause = 3, kPicturePause = 2;  // seconds at least
-constexpr double kMixPause = 6;  // its viewers fetch all its layers
+constexpr double kRowsLongest = 10;  // seconds that a list may be behind, whatever it costs
+constexpr double kMixPause = 6;      // its viewers fetch all its layers
 constexpr std::size_t kRowsUnderLock = 50;
 constexpr std::uint32_t kMaxEvents = 200;
 constexpr std::size_t kMaxListed = 500;
@@ -33,10 +35,6 @@ constexpr auto kRound = std::chrono::milliseconds(250);
 constexpr double kListLookSeconds = 5;  // between looks at the farm while somebody has the list open
 
 }  // namespace
-
-void LivePage::Budget::spent(double now, double seconds, double pause, double share) {
-  next_ = now + std::max(pause, seconds / share);
-}
 
 void LivePage::opened(const std::string& topic) {
   {
@@ -96,7 +94,8 @@ void LivePage::refresh() {
   // As many topics share what one may spend.
   const double topics = static_cast<double>(names.size());
   for (const std::string& name : names) {
-    const auto run_if_due = [&](Budget Topic::*budget, double pause, double share, const auto& what) {
+    const auto run_if_due = [&](RefreshBudget Topic::*budget, double pause, double share, const auto& what,
+                                double longest = std::numeric_limits<double>::infinity()) {
       {
         const Lock lock(mutex_);
         const auto it = topics_.find(name);
@@ -106,12 +105,14 @@ void LivePage::refresh() {
       what();
       const Lock lock(mutex_);
       if (const auto it = topics_.find(name); it != topics_.end())
-        (it->second.*budget).spent(farm_.now().seconds, thread_cpu_seconds() - before, pause, share / topics);
+        (it->second.*budget)
+            .spent(farm_.now().seconds, thread_cpu_seconds() - before, pause, share / topics, longest);
     };
     const std::size_t slash = name.find('/');
     const std::string id = slash == std::string::npos ? "" : name.substr(slash + 1);
     if (id.empty()) {
-      run_if_due(&Topic::details, kRowsPause, kRowsShare / 2, [&] { refresh_farm(); });
+      run_if_due(
+          &Topic::details, kRowsPause, kRowsShare / 2, [&] { refresh_farm(); }, kRowsLongest);
       run_if_due(&Topic::status, kRowsPause, kRowsShare / 2, [&] { refresh_running_jobs(); });
     } else if (name.starts_with("worker/")) {
       run_if_due(&Topic::details, kDetailsPause, kDetailsShare, [&] { refresh_worker(name, id); });

@@ -93,13 +93,15 @@ class Browser:
         if session:
             message["sessionId"] = session
         self.socket.send(json.dumps(message))
-        while True:
+        until = time.monotonic() + 120
+        while time.monotonic() < until:  # events may come for ever where the answer does not
             answer = json.loads(self.socket.receive())
             if answer.get("id") == self.last:
                 if "error" in answer:
                     raise RuntimeError(f"{method}: {answer['error']}")
                 return answer["result"]
             self.events.append(answer)
+        raise AssertionError(f"no answer within 120 s: {json.dumps(message)}")
 
     def open(self, url, width=1280, height=900, scheme="light"):
         return Tab(self, url, width, height, scheme)

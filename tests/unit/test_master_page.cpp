@@ -7,6 +7,7 @@
 #include "master/api/messages.h"
 #include "master/http/page_json.h"
 #include "master/http/pictures.h"
+#include "master/http/refresh_budget.h"
 #include "master/jobs/convergence.h"
 #include "tests/temporary_folder.h"
 #include "tests/unit/scheduler_fixture.h"
@@ -36,6 +37,26 @@ TEST(ConvergenceFile, CutLinesAndLostIterationsArePassedOver) {
   EXPECT_EQ(points[0].relmse, 0.1 / 3);
   EXPECT_EQ(points[0].relmse_upper, 0.2 / 3);
   EXPECT_TRUE(std::isnan(points[1].relmse_upper));
+}
+
+// Claim: a refresh waits until its share of a core has paid for it, never less than the pause; a list of a
+// thousand lines on a busy machine, which would wait for a minute, is behind by the longest pause.
+TEST(RefreshBudget, ListsAreBehindByABoundedTime) {
+  RefreshBudget budget;
+  EXPECT_TRUE(budget.due(0));
+  budget.spent(100, 0.01, 1, 0.002);
+  EXPECT_FALSE(budget.due(104.9));
+  EXPECT_TRUE(budget.due(105));
+  budget.spent(200, 0.0001, 1, 0.002);
+  EXPECT_FALSE(budget.due(200.9));
+  EXPECT_TRUE(budget.due(201));
+  budget.spent(300, 0.12, 1, 0.002);
+  EXPECT_FALSE(budget.due(359)) << "no longest pause was given";
+  budget.spent(400, 0.12, 1, 0.002, 10);
+  EXPECT_FALSE(budget.due(409.9));
+  EXPECT_TRUE(budget.due(410));
+  budget.reset();
+  EXPECT_TRUE(budget.due(400));
 }
 
 // Claim: a tile gives values back within 1/256 of the pixel's largest, over 60 orders of magnitude; what is
