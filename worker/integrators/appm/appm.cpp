@@ -1,10 +1,12 @@
-#include "worker/integrators/appm/appm.h"
-
+// Progressive photon mapping whose radius minimizes, at each pixel, the mean squared error as estimated from
+// the second moment and the Laplacian of the light around the gather points [Kaplanyan 2017, chapter 5].
 #include <vector>
 
 #include "common/adaptive/plug_in.h"
 #include "common/stages/epochs.h"
 #include "worker/integrators/adaptive/photon_mapping.h"
+#include "worker/integrators/appm/settings.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/ppm/plan.h"
 #include "worker/transport/statistics/plug_in.h"
 

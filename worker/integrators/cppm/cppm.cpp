@@ -1,6 +1,8 @@
-#include "worker/integrators/cppm/cppm.h"
-
+// Progressive photon mapping whose radius follows, at each pixel, from chi-squared tests of the numbers of
+// photons in sectors around the gather points [Lin 2020].
 #include "worker/integrators/adaptive/photon_mapping.h"
+#include "worker/integrators/cppm/settings.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/ppm/plan.h"
 #include "worker/transport/statistics/counts.h"
 

@@ -1,6 +1,8 @@
-#include "worker/integrators/fppm/fppm.h"
-
+// Progressive photon mapping whose radius follows, at each pixel, from F tests of the light in sectors around
+// the gather points [Lin 2023].
 #include "worker/integrators/adaptive/photon_mapping.h"
+#include "worker/integrators/fppm/settings.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/ppm/plan.h"
 #include "worker/transport/statistics/weighted_sectors.h"
 
