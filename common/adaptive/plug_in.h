@@ -16,7 +16,6 @@
 #pragma once
 
 #include <cstdint>
-#include <string_view>
 #include <vector>
 
 #include "common/adaptive/levels.h"

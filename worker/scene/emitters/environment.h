@@ -8,7 +8,6 @@
 
 #include <memory>
 #include <string_view>
-#include <vector>
 
 #include "common/base/result.h"
 #include "common/description/object.h"
