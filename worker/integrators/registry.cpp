@@ -4,11 +4,9 @@
 
 #include "common/job/integrator_words.h"
 #include "common/job/tools.h"
-#include "worker/integrators/appm/settings.h"
+#include "worker/integrators/adaptive/settings.h"
 #include "worker/integrators/bdpt/settings.h"
-#include "worker/integrators/cppm/settings.h"
 #include "worker/integrators/erpt/settings.h"
-#include "worker/integrators/fppm/settings.h"
 #include "worker/integrators/light/settings.h"
 #include "worker/integrators/makers.h"
 #include "worker/integrators/mcppm/settings.h"
@@ -37,9 +35,9 @@ std::vector<IntegratorEntry> product_integrators() {
       integrator_entry<VcmSettings>(integrator_words::kVcm.name, &make_vcm_integrator),
       integrator_entry<UpbpSettings>(integrator_words::kUpbp.name, &make_upbp_integrator),
       integrator_entry<OptimisSettings>(integrator_words::kOptimis.name, &make_optimis_integrator),
-      integrator_entry<FppmSettings>(integrator_words::kFppm.name, &make_fppm_integrator),
-      integrator_entry<CppmSettings>(integrator_words::kCppm.name, &make_cppm_integrator),
-      integrator_entry<AppmSettings>(integrator_words::kAppm.name, &make_appm_integrator),
+      integrator_entry<adaptive::FppmSettings>(integrator_words::kFppm.name, &make_fppm_integrator),
+      integrator_entry<adaptive::CppmSettings>(integrator_words::kCppm.name, &make_cppm_integrator),
+      integrator_entry<adaptive::AppmSettings>(integrator_words::kAppm.name, &make_appm_integrator),
       integrator_entry<VcmplusSettings>(integrator_words::kVcmplus.name, &make_vcmplus_integrator),
       integrator_entry<McppmSettings>(integrator_words::kMcppm.name, &make_mcppm_integrator),
       integrator_entry<PssmltSettings>(integrator_words::kPssmlt.name, &make_pssmlt_integrator),
