@@ -66,6 +66,12 @@ inline void scatter(Pencil& pencil, const ChainVertex& v, Vec3d i, Pair c) {
   }
 }
 
+// |h.n| of the unit half vector h at vertex i.
+inline double half_cosine(const Chain& chain, std::size_t i) {
+  const Vec3d h = chain.to_light(i) + chain.to_sensor(i) * chain.vertices[i].eta;
+  return std::abs(dot(h, chain.vertices[i].n)) / length(h);
+}
+
 // G_i of the edge from vertex i to the next one: the shading normal's cosine here, the geometric one there.
 // From a direction: the cosine there alone.
 inline double geometry_term(const Chain& chain, std::size_t i) {

@@ -93,11 +93,6 @@ std::vector<Blocks> blocks(Form form, const Chain& chain) {
   return out;
 }
 
-double half_cosine(const Chain& chain, std::size_t i) {
-  const Vec3d h = chain.to_light(i) + chain.to_sensor(i) * chain.vertices[i].eta;
-  return std::abs(dot(h, chain.vertices[i].n)) / length(h);
-}
-
 double light_angle_by_constraint(const Chain& chain, std::size_t index) {
   const ChainVertex& v = chain.vertices[index];
   const Vec3d i = chain.to_light(index), o = chain.to_sensor(index);
