@@ -19,7 +19,6 @@
 #include <vector>
 
 #include "common/adaptive/levels.h"
-#include "common/base/result.h"
 
 namespace candela::adaptive {
 

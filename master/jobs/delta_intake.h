@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "common/base/result.h"
 #include "common/film/delta.h"
 #include "common/job/job.h"
 #include "master/jobs/delta_verdict.h"

@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "common/base/log.h"
-#include "common/base/memory_limit.h"
 #include "common/stats/error_context.h"
 #include "master/jobs/convergence.h"
 #include "master/jobs/develop.h"

@@ -10,6 +10,7 @@
 
 #include "tests/unit/manifold_chains.h"
 #include "tests/unit/path_walks.h"
+#include "worker/core/math.h"
 #include "worker/mcmc/mutators/half_vector.h"
 #include "worker/scene/points/surface_points.h"
 

@@ -31,7 +31,6 @@
 #include <utility>
 
 #include "common/rng/stream.h"
-#include "worker/core/math.h"
 #include "worker/mcmc/mutators/path_state.h"
 
 namespace candela::mcmc {
