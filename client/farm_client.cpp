@@ -18,7 +18,6 @@
 #include "client/signals.h"
 #include "common/base/hash.h"
 #include "common/base/version.h"
-#include "common/job/job.h"
 #include "common/wire/dial.h"
 #include "common/wire/stall_guard.h"
 #include "common/wire/wire.h"

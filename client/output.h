@@ -1,12 +1,10 @@
 // Destinations of images: checked before anything is rendered, written whole or not at all.
 #pragma once
 
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
-#include <utility>
 
 #include "client/farm_client.h"
 #include "common/base/result.h"

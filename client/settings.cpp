@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 
 #include "client/values.h"
 #include "common/base/config.h"
@@ -253,12 +251,8 @@ Result<void> resolve_size(const Object* film, const SceneOptions& options, JobSe
 // Returns the effort in samples a pixel: --spp, or the scene's where no limit is given; else 0.
 Result<std::uint64_t> resolve_sampling(const Object* sampler, const SceneOptions& options, PreparedJob& job) {
   JobSettings& settings = job.settings;
-  if (options.sampler) {
-    CANDELA_ASSIGN(settings.sampler, parse_choice(*options.sampler, "--sampler", kSamplerNames));
-  }
-  if (options.isa) {
-    CANDELA_ASSIGN(settings.isa, parse_choice(*options.isa, "--isa", kIsaNames));
-  }
+  CANDELA_TRY(set_if_given(settings.sampler, options.sampler, "--sampler", parse_choice, kSamplerNames));
+  CANDELA_TRY(set_if_given(settings.isa, options.isa, "--isa", parse_choice, kIsaNames));
   if (options.seed) {
     CANDELA_ASSIGN(settings.seed, parse_count(*options.seed, "--seed", 0, UINT64_MAX));
   } else if (sampler != nullptr) {
@@ -379,16 +373,10 @@ Result<StopRule> parse_stop(const SceneOptions& options) {
   if (options.spp && options.iterations)
     return usage_error("--spp and --iterations exclude each other")
         .with_mend("give samples per pixel by --spp; --iterations counts passes, of Markov chains rounds");
-  if (options.iterations) {
-    CANDELA_ASSIGN(stop.iterations,
-                   parse_count(*options.iterations, "--iterations", 1, Limits::max_iterations));
-  }
-  if (options.time) {
-    CANDELA_ASSIGN(stop.time_seconds, parse_duration(*options.time, "--time"));
-  }
-  if (options.until) {
-    CANDELA_ASSIGN(stop.relmse, parse_until(*options.until, "--until"));
-  }
+  CANDELA_TRY(set_if_given(stop.iterations, options.iterations, "--iterations", parse_count, 1,
+                           Limits::max_iterations));
+  CANDELA_TRY(set_if_given(stop.time_seconds, options.time, "--time", parse_duration));
+  CANDELA_TRY(set_if_given(stop.relmse, options.until, "--until", parse_until));
   return stop;
 }
 

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "common/base/text.h"
-
 namespace candela::client {
 namespace {
 

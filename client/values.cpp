@@ -5,7 +5,6 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <vector>
 
 #include "common/base/text.h"
 #include "common/description/vocabulary.h"

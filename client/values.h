@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -53,6 +54,15 @@ Result<std::pair<std::string, std::string>> parse_assignment(std::string_view te
 // `text` if it is one of `known`, else an error with the nearest of them, or all.
 Result<std::string> parse_choice(std::string_view text, std::string_view option,
                                  std::span<const std::string_view> known);
+
+// Sets `target` to what parse(text, option, bounds...) makes of an option that is given.
+template <class T, class Parse, class... Bounds>
+Result<void> set_if_given(T& target, const std::optional<std::string>& text, const char* option,
+                          const Parse& parse, const Bounds&... bounds) {
+  if (!text) return {};
+  CANDELA_ASSIGN(target, parse(*text, option, bounds...));
+  return {};
+}
 
 std::string format_duration(double seconds);    // "0.4s", "12s", "3m05s", "1h02m", "2d03h"
 std::string format_count(double count);         // "950", "12.3k", "4.56M", "1.20G"

@@ -82,9 +82,7 @@ bool correlated(const image::Image& image) {
 
 Result<int> run_compare(Context& context, const CompareOptions& options) {
   std::uint64_t worst = 5;
-  if (options.worst) {
-    CANDELA_ASSIGN(worst, parse_count(*options.worst, "--worst", 0, 1000));
-  }
+  CANDELA_TRY(set_if_given(worst, options.worst, "--worst", parse_count, 0, 1000));
   if (options.image) CANDELA_TRY(check_output_path(*options.image, ".png", "--image"));
   CANDELA_ASSIGN(const image::Image a, image::read_image(options.a));
   CANDELA_ASSIGN(const image::Image b, image::read_image(options.b));

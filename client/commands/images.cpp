@@ -67,9 +67,8 @@ Result<ConvertChoice> choose(const ConvertOptions& options) {
   if (!choice.format && options.range) return exclude("--range", "an EXR");
   if (options.quality && choice.format != image::PictureFormat::jpeg)
     return usage_error("only a JPEG has a quality").with_field("--quality");
-  if (options.exposure) {
-    CANDELA_ASSIGN(choice.tone.exposure_stops, parse_number(*options.exposure, "--exposure", -100, 100));
-  }
+  CANDELA_TRY(
+      set_if_given(choice.tone.exposure_stops, options.exposure, "--exposure", parse_number, -100, 100));
   if (options.quality) {
     CANDELA_ASSIGN(const std::uint64_t quality, parse_count(*options.quality, "--quality", 1, 100));
     choice.tone.jpeg_quality = static_cast<int>(quality);

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cmath>
 #include <ostream>
 #include <utility>
@@ -93,9 +92,7 @@ Result<int> run_show(Context& context, const JobOptions& options) {
 
 Result<int> run_events(Context& context, const JobOptions& options) {
   std::uint64_t limit = 100;
-  if (options.limit) {
-    CANDELA_ASSIGN(limit, parse_count(*options.limit, "--limit", 1, 10000));
-  }
+  CANDELA_TRY(set_if_given(limit, options.limit, "--limit", parse_count, 1, 10000));
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
   std::string id;
   if (!options.ids.empty()) {

@@ -4,7 +4,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <ostream>
 
 #include "client/commands/commands.h"
@@ -44,9 +43,7 @@ Result<std::vector<v1::JobState>> parse_states(std::string_view text) {
 Result<int> run_list(Context& context, const ListOptions& options) {
   FarmClient::JobQuery query;
   if (!options.json) query.limit = 100;
-  if (options.limit) {
-    CANDELA_ASSIGN(query.limit, parse_count(*options.limit, "--limit", 1, 1000000));
-  }
+  CANDELA_TRY(set_if_given(query.limit, options.limit, "--limit", parse_count, 1, 1000000));
   if (options.state) {
     CANDELA_ASSIGN(query.states, parse_states(*options.state));
   }

@@ -3,7 +3,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <limits>
 #include <ostream>
 #include <set>
 #include <sstream>
@@ -80,9 +79,7 @@ Result<Submission> submission_of(const SubmitOptions& options) {
                    parse_integer(*options.priority, "--priority", -1000000, 1000000));
     submission.priority = static_cast<std::int32_t>(priority);
   }
-  if (options.share) {
-    CANDELA_ASSIGN(submission.share, parse_number(*options.share, "--share", 1e-3, 1e6));
-  }
+  CANDELA_TRY(set_if_given(submission.share, options.share, "--share", parse_number, 1e-3, 1e6));
   return submission;
 }
 

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "client/farm_client.h"
-#include "common/base/result.h"
 
 namespace candela::client {
 

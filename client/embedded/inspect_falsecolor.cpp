@@ -49,9 +49,7 @@ Result<Choice> choose(const FalseColorOptions& options) {
   if (options.is_signed) choice.map = image::ColorMap::cool_warm;
   if (options.range && options.percentiles)
     return usage_error("--range and --percentiles exclude each other").with_field("--percentiles");
-  if (options.percentiles) {
-    CANDELA_ASSIGN(choice.percentiles, parse_interval(*options.percentiles, "--percentiles", 0, 100));
-  }
+  CANDELA_TRY(set_if_given(choice.percentiles, options.percentiles, "--percentiles", parse_interval, 0, 100));
   if (options.range) {
     constexpr double most = std::numeric_limits<float>::max();
     CANDELA_ASSIGN(choice.range, parse_interval(*options.range, "--range", -most, most));

@@ -57,15 +57,9 @@ Result<PathsRequest> request_of(const PathsOptions& options) {
     CANDELA_ASSIGN(const std::string from, parse_choice(*options.from, "--from", ends));
     request.from_light = from == "light";
   }
-  if (options.rows) {
-    CANDELA_ASSIGN(request.rows, parse_count(*options.rows, "--clusters", 1, kMaxRows));
-  }
-  if (options.keep) {
-    CANDELA_ASSIGN(request.keep, parse_count(*options.keep, "--keep", 1, kMaxKept));
-  }
-  if (options.spp) {
-    CANDELA_ASSIGN(request.spp, parse_count(*options.spp, "--spp", 1, kMaxSpp));
-  }
+  CANDELA_TRY(set_if_given(request.rows, options.rows, "--clusters", parse_count, 1, kMaxRows));
+  CANDELA_TRY(set_if_given(request.keep, options.keep, "--keep", parse_count, 1, kMaxKept));
+  CANDELA_TRY(set_if_given(request.spp, options.spp, "--spp", parse_count, 1, kMaxSpp));
   return request;
 }
 
@@ -177,9 +171,7 @@ Result<int> run_paths(Context& context, const PathsOptions& options) {
   CANDELA_TRY(check_outputs(options));
   CANDELA_ASSIGN(PathsRequest request, request_of(options));
   std::optional<inspect::PixelRect> rect;
-  if (options.pixels) {
-    CANDELA_ASSIGN(rect, parse_pixel_rect(*options.pixels, "--pixels"));
-  }
+  CANDELA_TRY(set_if_given(rect, options.pixels, "--pixels", parse_pixel_rect));
   const bool has_spot =
       std::any_of(options.inspect.regions.begin(), options.inspect.regions.end(),
                   [](const std::string& text) { return text.find('=') == std::string::npos; });

@@ -10,7 +10,7 @@
 #include "common/film/layout.h"
 #include "common/job/tools.h"
 #include "worker/inspect/path_groups.h"
-#include "worker/integrators/shares/shares.h"
+#include "worker/integrators/shares/settings.h"
 
 namespace candela::client {
 namespace {

@@ -66,9 +66,7 @@ Result<void> choose_place(const SphereOptions& options, Choice& choice) {
       return usage_error(fmt::format("'{}' is no pixel", printable(*options.pixel))).with_field("--pixel");
     choice.pixel = {static_cast<std::uint32_t>(p[0]), static_cast<std::uint32_t>(p[1])};
   }
-  if (options.radius) {
-    CANDELA_ASSIGN(choice.radius, parse_number(*options.radius, "--radius", 0, kLargest));
-  }
+  CANDELA_TRY(set_if_given(choice.radius, options.radius, "--radius", parse_number, 0, kLargest));
   return {};
 }
 
@@ -80,13 +78,9 @@ Result<Choice> choose(const SphereOptions& options) {
     choice.request.width = size.width;
     choice.request.height = size.height;
   }
-  if (options.spp) {
-    CANDELA_ASSIGN(choice.request.spp, parse_count(*options.spp, "--spp", 1, 1u << 30));
-  }
-  if (options.lobe_size) {
-    CANDELA_ASSIGN(choice.lobe_size, parse_number(*options.lobe_size, "--lobe-size",
-                                                  std::numeric_limits<float>::min(), kLargest));
-  }
+  CANDELA_TRY(set_if_given(choice.request.spp, options.spp, "--spp", parse_count, 1, 1u << 30));
+  CANDELA_TRY(set_if_given(choice.lobe_size, options.lobe_size, "--lobe-size", parse_number,
+                           std::numeric_limits<float>::min(), kLargest));
   if (options.map) {
     CANDELA_ASSIGN(const std::string name, parse_choice(*options.map, "--map", image::kColorMapNames));
     choice.map = *image::color_map_of(name);

@@ -124,12 +124,8 @@ Result<VolumeChoice> choose_volume(const VolumeOptions& options) {
   CANDELA_TRY(choose_box(options, choice.request.grid));
   CANDELA_TRY(choose_resolution(options, choice.request.grid));
   CANDELA_TRY(choose_volume_outputs(options, choice));
-  if (options.pixels) {
-    CANDELA_ASSIGN(choice.pixels, parse_pixel_rect(*options.pixels, "--pixels"));
-  }
-  if (options.spp) {
-    CANDELA_ASSIGN(choice.request.spp, parse_count(*options.spp, "--spp", 1, 1u << 30));
-  }
+  CANDELA_TRY(set_if_given(choice.pixels, options.pixels, "--pixels", parse_pixel_rect));
+  CANDELA_TRY(set_if_given(choice.request.spp, options.spp, "--spp", parse_count, 1, 1u << 30));
   if (options.axis) {
     constexpr std::array<std::string_view, 3> axes = {"x", "y", "z"};
     CANDELA_ASSIGN(const std::string name, parse_choice(*options.axis, "--axis", axes));

@@ -1,5 +1,4 @@
 // candela plan: what a scene has, what the integrator will run for it, and what it skips and why.
-#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <ostream>

@@ -42,9 +42,7 @@ constexpr double kStallSeconds = 5;  // of a render that can keep neither checkp
 
 Result<std::vector<unsigned>> worker_threads(const RenderOptions& options) {
   std::uint64_t workers = 1;
-  if (options.workers) {
-    CANDELA_ASSIGN(workers, parse_count(*options.workers, "--workers", 1, kMaxWorkers));
-  }
+  CANDELA_TRY(set_if_given(workers, options.workers, "--workers", parse_count, 1, kMaxWorkers));
   CANDELA_ASSIGN(const unsigned threads, parse_threads(options.threads));
   if (options.threads && threads < workers)
     return usage_error(fmt::format("{} threads cannot be split among {} workers", threads, workers))

@@ -16,11 +16,9 @@
 #pragma once
 
 #include <cstdint>
-#include <string_view>
 #include <vector>
 
 #include "common/adaptive/levels.h"
-#include "common/base/result.h"
 
 namespace candela::adaptive {
 

@@ -1,7 +1,6 @@
 // SHA-256 (OpenSSL): names of blobs, bundles and deltas; signatures of notices.
 #pragma once
 
-#include <cstddef>
 #include <memory>
 #include <span>
 #include <string>

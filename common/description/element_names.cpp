@@ -9,7 +9,6 @@
 
 #include "common/description/check.h"
 #include "common/description/text.h"
-#include "common/description/transform.h"
 #include "common/description/values.h"
 #include "common/description/vocabulary.h"
 

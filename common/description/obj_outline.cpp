@@ -1,7 +1,6 @@
 #include "common/description/obj_outline.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <unordered_map>
 #include <unordered_set>

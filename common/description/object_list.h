@@ -1,12 +1,10 @@
 // The objects of a scene, by the names that light path expressions know (object_names.h).
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"

@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "common/description/check.h"
-#include "common/description/text.h"
 #include "common/edits/edits.h"
 #include "common/job/aov.h"
 #include "common/letters/request.h"

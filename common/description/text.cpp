@@ -1,7 +1,5 @@
 #include "common/description/text.h"
 
-#include <fmt/format.h>
-
 #include <charconv>
 #include <cmath>
 

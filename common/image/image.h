@@ -1,7 +1,6 @@
 // Images in and out. Linear Rec.709, row by row from the top, interleaved.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>

@@ -1,7 +1,6 @@
 #include "common/image/lettering.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 namespace candela::image {

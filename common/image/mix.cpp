@@ -8,7 +8,6 @@
 #include <limits>
 #include <map>
 #include <new>
-#include <optional>
 #include <set>
 #include <utility>
 

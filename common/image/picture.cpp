@@ -1,7 +1,6 @@
 #include "common/image/picture.h"
 
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <cmath>
 #include <exception>

@@ -6,14 +6,12 @@
 #include <cstdint>
 #include <functional>
 #include <span>
-#include <string>
 #include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
 #include "common/film/accumulator.h"
 #include "common/film/development.h"
-#include "common/stages/decision.h"
 #include "common/stages/work_plan.h"
 
 namespace candela {
@@ -25,10 +23,6 @@ struct DevelopmentInput {
   // The sums of an accumulator over a half of the job, all of one moment and that of the film. Null: nothing
   // is merged, or the job has none of this name for each half.
   std::function<const film::MergedAccumulator*(std::string_view name, std::uint32_t half)> sums;
-  // If the job has epochs: the carry of its rule (null: no decision was made), and for each epoch that is not
-  // folded, in order, the merged sums by place as in Carry::sums (null: no sums).
-  const Carry* carry = nullptr;
-  std::vector<std::vector<const film::MergedAccumulator*>> open = {};
 };
 
 // By half, as film::Development has them; empty: none.

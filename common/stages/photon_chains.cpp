@@ -6,7 +6,6 @@
 #include <bit>
 #include <cmath>
 #include <span>
-#include <vector>
 
 #include "common/film/codec.h"
 

@@ -7,7 +7,6 @@
 // with the film's.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string>
 #include <string_view>

@@ -2,7 +2,6 @@
 // again, as lines of "key=value" after a magic line, so that a client can rebuild the Error instead of
 // parsing prose.
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <optional>
 

@@ -9,7 +9,6 @@
 #include <thread>
 
 #include "common/base/hash.h"
-#include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/wire/canonical.h"
 #include "common/wire/peer.h"

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <concepts>
-#include <utility>
 
 #include "master/api/access.h"
 #include "master/api/farm_service.h"

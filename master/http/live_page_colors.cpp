@@ -6,7 +6,6 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <span>
 
 #include "common/base/text.h"
 #include "common/image/false_color.h"

@@ -1,5 +1,4 @@
 // Submissions by HTTP: scene files one by one, then the job.
-#include <fmt/format.h>
 
 #include <new>
 #include <utility>

@@ -5,12 +5,10 @@
 #pragma once
 
 #include <chrono>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "common/base/result.h"
 #include "common/film/delta.h"
 #include "common/job/job.h"
 #include "master/jobs/delta_verdict.h"

@@ -31,13 +31,8 @@ Result<film::Development> develop(const JobRow& row, const JobFilm::Snapshot& sn
       if (row.accumulators[i].name == name) return snapshot.accumulators[i][half].get();
     return nullptr;
   };
-  DevelopmentInput input{*row.development, estimator, row.settings.width, row.settings.height, sums};
-  input.carry = snapshot.carry.get();
-  for (const auto& epoch : snapshot.open_epochs) {
-    auto& open = input.open.emplace_back();
-    for (const auto& accumulator : epoch) open.push_back(accumulator.get());
-  }
-  CANDELA_ASSIGN(Corrections corrections, correct(std::move(input)));
+  const DevelopmentInput input{*row.development, estimator, row.settings.width, row.settings.height, sums};
+  CANDELA_ASSIGN(Corrections corrections, correct(input));
   for (std::size_t half = 0; half < 2; ++half)
     if (!corrections[half].empty())
       out.corrections[half] = std::make_shared<const std::vector<float>>(std::move(corrections[half]));

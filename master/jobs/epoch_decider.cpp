@@ -4,7 +4,6 @@
 
 #include <utility>
 
-#include "common/base/hash.h"
 #include "common/base/log.h"
 #include "common/base/memory_limit.h"
 

@@ -3,10 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "common/base/log.h"
-#include "common/base/memory_limit.h"
 #include "common/stats/error_context.h"
 #include "master/jobs/convergence.h"
 #include "master/jobs/develop.h"

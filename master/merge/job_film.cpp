@@ -418,7 +418,6 @@ void JobFilm::add_all_but_film(Snapshot& out) const {
     for (std::uint32_t half = 0; half < 2 && specs_[i].per == film::AccumulatorSpec::Per::job; ++half)
       if (const auto found = accumulators_.find({i, half}); found != accumulators_.end())
         out.accumulators[i][half] = found->second;
-  add_epochs(out);
 }
 
 JobFilm::Account JobFilm::account() const {

@@ -94,10 +94,6 @@ class JobFilm {
     std::uint64_t chain_segments = 0;  // by the records
     // The sums of an accumulator that is kept for each half, at the same moment. Null: nothing is merged.
     std::vector<std::array<std::shared_ptr<const film::MergedAccumulator>, 2>> accumulators = {};  // as specs
-    // If the job has epochs: the carry (null: no decision was made), and for each epoch that is not folded,
-    // in order, the merged sums by place as in Carry::sums (null: no sums).
-    std::shared_ptr<const Carry> carry = {};
-    std::vector<std::vector<std::shared_ptr<const film::MergedAccumulator>>> open_epochs = {};
     std::shared_ptr<const std::string> history = {};  // remember_history()
     stats::MovementSums movement = {};                // of the film
   };
@@ -220,10 +216,8 @@ class JobFilm {
   void merge_ahead() CANDELA_REQUIRES(mutex_);
   void drop_ahead() CANDELA_REQUIRES(mutex_);
   void set_border(const PrefixBorder& border) CANDELA_REQUIRES(mutex_);
-  // Adds counts, accumulators and epochs to a snapshot. Precondition: the film is loaded.
+  // Adds counts and accumulators to a snapshot. Precondition: the film is loaded.
   void add_all_but_film(Snapshot& snapshot) const CANDELA_REQUIRES(mutex_);
-  // Adds the carry and the sums of epochs that are not folded.
-  void add_epochs(Snapshot& snapshot) const CANDELA_REQUIRES(mutex_);
   std::uint32_t image_layers() const { return chains_ > 0 ? chains::kImageLayers : 1; }
   bool saved() const CANDELA_REQUIRES(mutex_);  // nothing has changed since the last checkpoint
 

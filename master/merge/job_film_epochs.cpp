@@ -1,17 +1,11 @@
 // The decisions of a job of epochs: what the next one is made from, and what it leaves.
 #include <fmt/format.h>
 
-#include <map>
 #include <utility>
 
 #include "master/merge/job_film.h"
 
 namespace candela::master {
-namespace {
-
-using Per = film::AccumulatorSpec::Per;
-
-}  // namespace
 
 void JobFilm::remember(const DecidedState& state) {
   const Lock lock(mutex_);
@@ -48,23 +42,6 @@ JobFilm::Latest JobFilm::latest() const {
   return out;
 }
 
-void JobFilm::add_epochs(Snapshot& snapshot) const {
-  if (!epochs_) return;
-  snapshot.carry = decisions_.carry;
-  std::vector<std::uint32_t> places(specs_.size());
-  std::uint32_t kept = 0;
-  for (std::size_t i = 0; i < specs_.size(); ++i)
-    if (specs_[i].per == Per::epoch) places[i] = kept++;
-  std::map<std::uint64_t, std::vector<std::shared_ptr<const film::MergedAccumulator>>> by_epoch;
-  for (const auto& [key, sums] : accumulators_) {
-    if (specs_[key.first].per != Per::epoch) continue;
-    auto& epoch = by_epoch[key.second];
-    epoch.resize(kept);
-    epoch[places[key.first]] = sums;
-  }
-  for (auto& [epoch, sums] : by_epoch) snapshot.open_epochs.push_back(std::move(sums));
-}
-
 std::optional<NextDecision> JobFilm::next_decision() const {
   const Lock lock(mutex_);
   if (!film_ || !epochs_) return std::nullopt;
@@ -99,7 +76,7 @@ Result<bool> JobFilm::fold(MadeDecision made) {
   old_carry = std::exchange(decisions_.carry, std::move(new_carry));
   ++decisions_.made;
   for (std::uint32_t i = 0; folded && i < specs_.size(); ++i) {
-    if (specs_[i].per != Per::epoch) continue;
+    if (specs_[i].per != film::AccumulatorSpec::Per::epoch) continue;
     const auto found = accumulators_.find({i, *folded});
     if (found == accumulators_.end()) continue;
     folded_sums.push_back(std::move(found->second));

@@ -1,7 +1,6 @@
 // Sums and differences of sets of sequence indices, for what a job has, owes and has lost.
 #pragma once
 
-#include <array>
 #include <cstdint>
 
 #include "common/film/index_text.h"

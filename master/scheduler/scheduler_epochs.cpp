@@ -1,7 +1,6 @@
 // Jobs of epochs: which state is decided next, and what follows.
 #include <fmt/format.h>
 
-#include "common/stages/epochs.h"
 #include "master/scheduler/scheduler.h"
 
 namespace candela::master {

@@ -36,7 +36,6 @@ class Statement {
   Statement& bind_blob(const std::string& v) {
     return check(sqlite3_bind_blob64(stmt_, ++at_, v.data(), v.size(), SQLITE_TRANSIENT));
   }
-  Statement& bind_null() { return check(sqlite3_bind_null(stmt_, ++at_)); }
 
   // True while there is a row; false at the end or on an error (see failed()).
   bool step() {

@@ -1,11 +1,9 @@
 // Writes of a store: each kind of change has a statement, and one call is one transaction.
 #include <fcntl.h>
-#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <utility>
 
 #include "common/wire/wire.h"

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "worker/integrators/mlt/mlt.h"
+#include "worker/integrators/makers.h"
 
 namespace candela::integrators {
 namespace {

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "tests/unit/manifold_chains.h"
+#include "tests/unit/manifold_geometry.h"
 #include "worker/transport/manifold/block_tridiagonal.h"
-#include "worker/transport/manifold/geometry_terms.h"
 
 namespace candela {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "tests/statistical/quantiles.h"
 #include "tests/unit/manifold_chains.h"
-#include "worker/transport/manifold/geometry_terms.h"
+#include "tests/unit/manifold_geometry.h"
 #include "worker/transport/manifold/proposal.h"
 #include "worker/transport/manifold/walk.h"
 

@@ -10,8 +10,8 @@
 
 #include "tests/paths.h"
 #include "tests/unit/manifold_chains.h"
+#include "tests/unit/manifold_geometry.h"
 #include "worker/transport/manifold/block_tridiagonal.h"
-#include "worker/transport/manifold/geometry_terms.h"
 
 namespace candela {
 namespace {

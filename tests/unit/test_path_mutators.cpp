@@ -10,6 +10,7 @@
 
 #include "tests/unit/manifold_chains.h"
 #include "tests/unit/path_walks.h"
+#include "worker/core/math.h"
 #include "worker/mcmc/mutators/half_vector.h"
 #include "worker/scene/points/surface_points.h"
 
@@ -18,6 +19,13 @@ namespace {
 
 namespace path = transport::path;
 using path::Kind;
+
+// log of f(to) T(to -> from) / (f(from) T(from -> to)). Nothing: one of the densities is zero.
+std::optional<double> log_acceptance(const PathMutator& mutator, const PathState& from, const PathState& to) {
+  const auto forward = mutator.log_pdf_area(from, to), back = mutator.log_pdf_area(to, from);
+  if (!forward || !back) return std::nullopt;
+  return math::log(to.scalar) - math::log(from.scalar) + *back - *forward;
+}
 
 // States of `inner` vertices, none of them specular, that the mutation suits.
 std::vector<PathState> states(const scene::Scene& scene, const PathMutator& mutator, std::size_t inner,

@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "tests/unit/manifold_geometry.h"
 #include "tests/unit/path_walks.h"
 #include "worker/scene/bsdfs/bsdf_build.h"
 #include "worker/scene/bsdfs/lobe_shapes.h"
-#include "worker/transport/manifold/geometry_terms.h"
 #include "worker/transport/manifold/proposal.h"
 #include "worker/transport/manifold/walk.h"
 #include "worker/transport/path/evaluation.h"

@@ -184,7 +184,7 @@ TEST(Regularise, BandwidthIsAFunctionOfTheIndex) {
   EXPECT_EQ(bandwidth(0.25, 0, 1.0 / 6), 0.25);
   EXPECT_NEAR(bandwidth(0.25, 63, 1.0 / 6), 0.125, 1e-15);
   EXPECT_EQ(bandwidth(0.25, 1ULL << 40, 0), 0.25);
-  EXPECT_NEAR(bandwidth_of_epoch(1, 728, 1.0 / 3) * 9, 1, 1e-12);
+  EXPECT_NEAR(bandwidth(1, 728, 1.0 / 3) * 9, 1, 1e-12);
   std::vector<std::uint64_t> bits;
   for (std::uint64_t i = 0; i < 1000; ++i)
     bits.push_back(std::bit_cast<std::uint64_t>(bandwidth(0.3, i * i, 1.0 / 6)));

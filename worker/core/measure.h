@@ -43,9 +43,5 @@ template <class T>
 constexpr T solid_angle_to_projected(T pdf_solid_angle, T cosine) {
   return pdf_solid_angle / cosine;
 }
-template <class T>
-constexpr T projected_to_solid_angle(T pdf_projected, T cosine) {
-  return pdf_projected * cosine;
-}
 
 }  // namespace candela

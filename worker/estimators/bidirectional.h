@@ -137,7 +137,6 @@ class Bidirectional {
     light_.clear();
     if constexpr (kMollifies) mollified_.clear_light();
   }
-  std::uint32_t light_size() const { return light_.size(); }
   // No vertex of the light path can be connected to.
   bool no_light_vertices() const {
     if constexpr (kMollifies)

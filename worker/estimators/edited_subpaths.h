@@ -3,7 +3,6 @@
 // where two vertices are joined, each tells the other the state of its end.
 #pragma once
 
-#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <vector>

@@ -277,8 +277,7 @@ class PathTracer {
     const bool connectible = !closure.purely_delta();
     scatterings_ += connectible ? 1 : 0;
     const auto eval_pdf = [&](Vec3 wi, float& pdf_solid_angle) {
-      // Not by SurfaceScattering: the whole tracer takes 0.7 % more instructions with it.
-      return closure.eval_pdf(wo, hit.shading.to_local(wi), kMode, pdf_solid_angle);
+      return transport::radiance_value(hit, closure, wo, wi, pdf_solid_angle);
     };
     const auto lit = [&](const scene::DirectSample& light) {
       letters_->lit(sum_, hit, closure, -ray_.direction, {light.wi, light.emitter});
@@ -296,7 +295,8 @@ class PathTracer {
     }
     scene::BsdfSample next;
     const float u_lobe = closure.chooses_lobe() ? draw_1d(transport::path_block::kLobe) : 0.0f;
-    if (!closure.sample(wo, u_lobe, draw_2d(transport::path_block::kDirection), kMode, next)) return false;
+    const Vec2 u = draw_2d(transport::path_block::kDirection);
+    if (!transport::sample_radiance(closure, wo, u_lobe, u, next)) return false;
     throughput_ *= next.weight;
     if (throughput_.is_black()) return false;
     if constexpr (kPasses) {

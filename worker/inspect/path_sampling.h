@@ -2,7 +2,6 @@
 // of its vertices.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 
 #include "common/base/result.h"

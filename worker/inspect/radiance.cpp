@@ -5,7 +5,6 @@
 #include <numbers>
 
 #include "common/film/counts.h"
-#include "worker/core/warp.h"
 #include "worker/estimators/path_dispatch.h"
 #include "worker/inspect/parallel.h"
 #include "worker/integrators/path/plan.h"

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "common/base/memory_limit.h"
 #include "worker/inspect/parallel.h"

@@ -4,25 +4,24 @@
 
 #include "common/job/integrator_words.h"
 #include "common/job/tools.h"
-#include "worker/integrators/appm/appm.h"
-#include "worker/integrators/bdpt/bdpt.h"
-#include "worker/integrators/cppm/cppm.h"
-#include "worker/integrators/erpt/erpt.h"
-#include "worker/integrators/fppm/fppm.h"
-#include "worker/integrators/light/light.h"
-#include "worker/integrators/mcppm/mcppm.h"
-#include "worker/integrators/mlt/mlt.h"
-#include "worker/integrators/mmlt/mmlt.h"
-#include "worker/integrators/optimis/optimis.h"
-#include "worker/integrators/path/path.h"
-#include "worker/integrators/ppm/ppm.h"
-#include "worker/integrators/pssmlt/pssmlt.h"
-#include "worker/integrators/shares/shares.h"
-#include "worker/integrators/sphere/sphere.h"
-#include "worker/integrators/upbp/upbp.h"
-#include "worker/integrators/vcm/vcm.h"
-#include "worker/integrators/vcmplus/vcmplus.h"
-#include "worker/integrators/volume/volume.h"
+#include "worker/integrators/adaptive/settings.h"
+#include "worker/integrators/bdpt/settings.h"
+#include "worker/integrators/erpt/settings.h"
+#include "worker/integrators/light/settings.h"
+#include "worker/integrators/makers.h"
+#include "worker/integrators/mcppm/settings.h"
+#include "worker/integrators/mlt/settings.h"
+#include "worker/integrators/mmlt/settings.h"
+#include "worker/integrators/optimis/settings.h"
+#include "worker/integrators/path/settings.h"
+#include "worker/integrators/ppm/settings.h"
+#include "worker/integrators/pssmlt/settings.h"
+#include "worker/integrators/shares/settings.h"
+#include "worker/integrators/sphere/settings.h"
+#include "worker/integrators/upbp/settings.h"
+#include "worker/integrators/vcm/settings.h"
+#include "worker/integrators/vcmplus/settings.h"
+#include "worker/integrators/volume/settings.h"
 
 namespace candela::integrators {
 
@@ -36,9 +35,9 @@ std::vector<IntegratorEntry> product_integrators() {
       integrator_entry<VcmSettings>(integrator_words::kVcm.name, &make_vcm_integrator),
       integrator_entry<UpbpSettings>(integrator_words::kUpbp.name, &make_upbp_integrator),
       integrator_entry<OptimisSettings>(integrator_words::kOptimis.name, &make_optimis_integrator),
-      integrator_entry<FppmSettings>(integrator_words::kFppm.name, &make_fppm_integrator),
-      integrator_entry<CppmSettings>(integrator_words::kCppm.name, &make_cppm_integrator),
-      integrator_entry<AppmSettings>(integrator_words::kAppm.name, &make_appm_integrator),
+      integrator_entry<adaptive::FppmSettings>(integrator_words::kFppm.name, &make_fppm_integrator),
+      integrator_entry<adaptive::CppmSettings>(integrator_words::kCppm.name, &make_cppm_integrator),
+      integrator_entry<adaptive::AppmSettings>(integrator_words::kAppm.name, &make_appm_integrator),
       integrator_entry<VcmplusSettings>(integrator_words::kVcmplus.name, &make_vcmplus_integrator),
       integrator_entry<McppmSettings>(integrator_words::kMcppm.name, &make_mcppm_integrator),
       integrator_entry<PssmltSettings>(integrator_words::kPssmlt.name, &make_pssmlt_integrator),

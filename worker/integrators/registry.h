@@ -24,7 +24,7 @@ IntegratorEntry integrator_entry(std::string_view name,
             if constexpr (requires { settings.steps; }) CANDELA_TRY(check(settings.steps));
             if constexpr (requires { settings.epochs; }) CANDELA_TRY(check(settings.epochs));
             if constexpr (requires { check(settings); }) CANDELA_TRY(check(settings));
-            if constexpr (requires { settings.bandwidth; }) CANDELA_TRY(check(settings.bandwidth));
+            if constexpr (requires { check(settings.rule); }) CANDELA_TRY(check(settings.rule));
             return write_settings(settings).map;
           },
           +[] { return write_settings(Settings{}).docs; },

@@ -1,8 +1,6 @@
 // The densities of pbrt's medium 'cloud': octaves of gradient noise that fall off with height.
 #pragma once
 
-#include <vector>
-
 #include "worker/core/vec.h"
 
 namespace candela::loaders {

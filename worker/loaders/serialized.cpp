@@ -5,7 +5,6 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <memory>
 
 #include "common/base/work_monitor.h"
 #include "worker/loaders/mesh.h"

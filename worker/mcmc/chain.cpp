@@ -1,7 +1,6 @@
 #include "worker/mcmc/chain.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "common/rng/stream.h"

@@ -11,7 +11,6 @@
 //   pi_j(X) = share_j suitability_j(X) / sum of all shares and suitabilities
 #pragma once
 
-#include <array>
 #include <memory>
 #include <optional>
 #include <string>

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
 #include "common/chains/chains.h"
 #include "common/film/codec.h"
 #include "worker/core/math.h"

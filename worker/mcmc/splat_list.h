@@ -3,7 +3,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <optional>
 #include <span>
 #include <vector>
@@ -71,7 +70,6 @@ class SplatList {
   double scalar() const { return scalar_; }
   // The part of splat i that is mollified; black if none is.
   Spectrum mollified(std::size_t i) const { return i < mollified_.size() ? mollified_[i] : Spectrum(); }
-  bool any_mollified() const { return !mollified_.empty(); }
   // The mollified part of scalar(), at most the whole.
   double mollified_scalar() const { return std::min(mollified_scalar_, scalar_); }
 

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <chrono>
-#include <cmath>
 #include <optional>
 
 #include "common/base/work_monitor.h"
@@ -21,7 +20,6 @@
 #include "common/stages/decision.h"
 #include "common/stages/epochs.h"
 #include "common/stages/pixel_sums.h"
-#include "worker/core/math.h"
 #include "worker/integrators/aov/aov_pass.h"
 #include "worker/integrators/film_scale.h"
 #include "worker/integrators/integrator.h"

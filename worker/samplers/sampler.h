@@ -10,7 +10,6 @@
 // in five shift-xor steps [Ahmed 2024].
 #pragma once
 
-#include <bit>
 #include <cstdint>
 
 #include "common/rng/stream.h"

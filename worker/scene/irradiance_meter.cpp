@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <vector>
 
 #include "worker/core/measure.h"
 #include "worker/core/warp.h"

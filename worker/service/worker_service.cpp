@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "common/base/text.h"
-#include "common/base/version.h"
 #include "common/wire/dial.h"
 #include "worker/service/farm_worker.h"
 

@@ -17,7 +17,6 @@
 #include <cstring>
 #include <limits>
 #include <span>
-#include <vector>
 
 #include "worker/core/huge_pages.h"
 #include "worker/core/vec.h"

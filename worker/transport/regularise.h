@@ -15,7 +15,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <numbers>
 #include <span>
 
@@ -114,9 +113,5 @@ inline constexpr double kMinShare = 1e-6;
 // r_0 n^-exponent, n = iteration + 1: of an iteration of the job, counted from 0.
 // [regularisation note, sections 6, 7]
 double bandwidth(double first, std::uint64_t iteration, double exponent);
-// Bandwidth of an epoch of mutations, counted from 0. [regularisation note, section 8]
-inline double bandwidth_of_epoch(double first, std::uint64_t epoch, double exponent) {
-  return bandwidth(first, epoch, exponent);
-}
 
 }  // namespace candela::transport

@@ -1,8 +1,6 @@
 // The one door to scattering: the value, both densities, a sample, and the delta lobes of a vertex. Walks,
-// techniques, merges, letters and aovs ask here, and the path tracer in media and for delta lobes.
-// A change to how light scatters is made here. Two others evaluate closures by themselves:
-// the path tracer on surfaces, for its instructions (estimators/path.h),
-// and the oracle (path/evaluation.h), because it tests this.
+// mutations, techniques, merges, letters, aovs and the path tracer ask here: a change to how light scatters
+// is made here. The oracle alone (path/evaluation.h) evaluates closures by itself, because it tests this.
 //
 // Directions are unit, in the world, and point away from the vertex. wo: towards the vertex before, of the
 // walk; wi: where the walk goes on. Values include the cosine at wi on surfaces, and are zero for delta
@@ -37,6 +35,17 @@ using scene::TransportMode;
 
 constexpr TransportMode other_mode(TransportMode mode) {
   return mode == TransportMode::radiance ? TransportMode::importance : TransportMode::radiance;
+}
+
+// Value and sample on a surface for walks of radiance that keep the hit, the closure, and wo in the frame of
+// shading themselves: an object for them costs the path tracer 0.7 % of its instructions.
+[[gnu::always_inline]] inline Spectrum radiance_value(const SurfaceHit& hit, const scene::Closure& closure,
+                                                      Vec3 local_wo, Vec3 wi, float& pdf_solid_angle) {
+  return closure.eval_pdf(local_wo, hit.shading.to_local(wi), TransportMode::radiance, pdf_solid_angle);
+}
+[[gnu::always_inline]] inline bool sample_radiance(const scene::Closure& closure, Vec3 local_wo, float u_lobe,
+                                                   Vec2 u, scene::BsdfSample& out) {
+  return closure.sample(local_wo, u_lobe, u, TransportMode::radiance, out);
 }
 
 // On a surface. The hit and the closure have to outlive it.

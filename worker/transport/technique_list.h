@@ -4,8 +4,6 @@
 // enough.
 #pragma once
 
-#include <algorithm>
-#include <cstdint>
 #include <vector>
 
 #include "worker/transport/mis/balance_power.h"

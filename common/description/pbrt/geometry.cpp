@@ -1,6 +1,5 @@
 #include "common/description/pbrt/geometry.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "common/description/transform.h"

@@ -1,7 +1,6 @@
 // The parameters of a pbrt directive: "type name" [ values ].
 #pragma once
 
-#include <array>
 #include <initializer_list>
 #include <memory>
 #include <optional>

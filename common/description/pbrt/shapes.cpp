@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "common/description/check.h"
 #include "common/description/pbrt/geometry.h"

@@ -7,7 +7,6 @@
 #include <memory>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "common/description/pbrt/context.h"
 #include "common/description/pbrt/materials.h"

@@ -1,7 +1,5 @@
 #include "common/description/pbrt/tokens.h"
 
-#include <fmt/format.h>
-
 #include <utility>
 
 #include "common/description/check.h"

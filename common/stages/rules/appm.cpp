@@ -1,7 +1,6 @@
 // The rule of APPM: the plug-in bandwidth of all sums so far. Each term of a sum is divided by its own kernel
 // when it is added, so sums of all radii count [Kaplanyan 2017, section 5.3]. With the constant `pilot_c10` a
 // second plane of the state has the levels of the pilots.
-#include <array>
 #include <cmath>
 
 #include "common/adaptive/channels.h"

@@ -1,7 +1,8 @@
 // Settings of integrators whose radii follow from statistics.
 #pragma once
 
-#include "worker/integrators/settings.h"
+#include "worker/integrators/common_settings.h"
+#include "worker/integrators/merging/settings.h"
 
 namespace candela::integrators::adaptive {
 
@@ -51,6 +52,16 @@ struct FTestSettings {
   }
 };
 
+struct FppmTestSettings : FTestSettings {
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    FTestSettings::fields(visit);
+    visit.retired("test", "sectors", "means of nested discs lost to sums of sectors");
+    visit.retired("rings", "false", "sums in rings need twice the memory of the sectors of one radius");
+    visit.retired("kappa", "3", "it was of nested discs");
+  }
+};
+
 // The chi-squared test of numbers of photons.
 struct CountTestSettings {
   double alpha_chi = 0.01;
@@ -88,5 +99,26 @@ struct PlugInSettings {
   }
 };
 Result<void> check(const PlugInSettings& settings);
+
+// ppm with a radius for each pixel, which follows from statistics by a rule.
+template <class Rule, const integrator_words::IntegratorWords& kWords>
+struct PhotonMappingSettings {
+  CommonSettings common{kWords};
+  merging::MergeSettings merge{kWords};
+  Rule rule;
+  EpochSettings epochs;
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    common.path_fields(visit);
+    common.plan_field(visit);
+    merge.fields(visit, false);
+    rule.fields(visit);
+    epochs.fields(visit);
+  }
+};
+using FppmSettings = PhotonMappingSettings<FppmTestSettings, integrator_words::kFppm>;
+using CppmSettings = PhotonMappingSettings<CountTestSettings, integrator_words::kCppm>;
+using AppmSettings = PhotonMappingSettings<PlugInSettings, integrator_words::kAppm>;
 
 }  // namespace candela::integrators::adaptive

@@ -1,10 +1,11 @@
-#include "worker/integrators/appm/appm.h"
-
+// Progressive photon mapping whose radius minimizes, at each pixel, the mean squared error as estimated from
+// the second moment and the Laplacian of the light around the gather points [Kaplanyan 2017, chapter 5].
 #include <vector>
 
 #include "common/adaptive/plug_in.h"
 #include "common/stages/epochs.h"
 #include "worker/integrators/adaptive/photon_mapping.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/ppm/plan.h"
 #include "worker/transport/statistics/plug_in.h"
 
@@ -54,13 +55,13 @@ class MakeMoments {
 
 Result<std::unique_ptr<Integrator>> make_appm_integrator(const SettingsMap& settings,
                                                          const scene::SceneFeatures& features) {
-  CANDELA_ASSIGN(const AppmSettings parsed, parse_settings<AppmSettings>(settings));
+  CANDELA_ASSIGN(const adaptive::AppmSettings parsed, parse_settings<adaptive::AppmSettings>(settings));
   CANDELA_TRY(adaptive::check(parsed.epochs));
-  CANDELA_TRY(adaptive::check(parsed.bandwidth));
+  CANDELA_TRY(adaptive::check(parsed.rule));
   const transport::Kernel kernel = parsed.merge.rules().kernel;
   Planned planned = ppm::plan(parsed.common.path_options(), false, features, parsed.common.full_plan());
   const adaptive::Adaptation adaptation =
-      adaptive::plug_in(parsed.epochs, parsed.bandwidth, kernel, planned.techniques.merge_medium);
+      adaptive::plug_in(parsed.epochs, parsed.rule, kernel, planned.techniques.merge_medium);
   return adaptive::make_photon_mapping<transport::PlugInMoments>(parsed, std::move(planned), adaptation,
                                                                  MakeMoments(kernel, adaptation));
 }

@@ -1,12 +1,15 @@
+// Bidirectional path tracing [Veach 1997, ch. 10]: a path from the eye and one from the light for each pixel,
+// every vertex of the one connected to every vertex of the other, all weighed by multiple importance
+// sampling.
 // The bdpt integrator: settings, plan, and the choice of an estimator (estimators/bidirectional.h) by them.
-#include "worker/integrators/bdpt/bdpt.h"
-
 #include "worker/estimators/edited_subpaths.h"
 #include "worker/integrators/bdpt/lettered.h"
 #include "worker/integrators/bdpt/mollified.h"
 #include "worker/integrators/bdpt/run_kernel.h"
+#include "worker/integrators/bdpt/settings.h"
 #include "worker/integrators/bidirectional/plan.h"
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/plan_walks.h"
 #include "worker/scene/objects.h"

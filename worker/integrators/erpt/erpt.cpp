@@ -1,6 +1,16 @@
+// Energy redistribution path tracing [Cline 2005], in a form whose iterations are independent and exact
+// [metropolis-photons note, sections 1 to 4]:
+//
+//   pilot      from independent samples: b0, the mean of their scalar contributions I, and rho^2, their
+//              relative variance. The energy of a chain is e_d = k b0, k = (1 + rho^2) / 2, and its length
+//              M = m k, m the mutations for each seed
+//   unit(i)    N seeds, each an independent path of bidirectional path tracing, and their chains
+//              (mcmc/redistribution.h); path tracing of what is left to it
+//
+// The states of chains are paths, and mutations those of mlt (mcmc/path_space.h). Against [Cline 2005]: e_d
+// is not b, and nothing is filtered. The pilot decides noise and work alone: any e_d and M give the same
+// mean. No normalization is pooled, and no chain goes on to another iteration.
 // The erpt integrator: settings, plan, and a unit's seeds (mcmc/redistribution.h).
-#include "worker/integrators/erpt/erpt.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,8 +24,10 @@
 #include "worker/estimators/path_dispatch.h"
 #include "worker/integrators/chains/first_stage.h"
 #include "worker/integrators/erpt/pilot.h"
+#include "worker/integrators/erpt/settings.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/path/plan.h"
 #include "worker/mcmc/film_deposit.h"
 #include "worker/mcmc/path_space.h"

@@ -1,12 +1,15 @@
-#include "worker/integrators/light/light.h"
-
+// Light tracing: paths from the emitters, each vertex connected to the lens [Dutre 1993], and light that
+// meets a finite lens by itself. Emitters seen directly are found by eye rays. What the camera sees by
+// specular reflection or refraction alone no connection to the lens can find: see docs/integrators/light.md.
 #include "worker/estimators/edited_light_store.h"
 #include "worker/estimators/eye_radiance.h"
 #include "worker/estimators/light_tracing.h"
 #include "worker/estimators/path_dispatch.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/light/settings.h"
 #include "worker/integrators/light_paths.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/plan_walks.h"
 #include "worker/scene/objects.h"

@@ -1,6 +1,6 @@
+// Metropolis light transport in path space [Veach 1997, ch. 11]: the states of the chains are paths, and
+// mutations change a part of a path.
 // The mlt integrator: settings, plan, and the space of paths that its chains walk over (mcmc/path_space.h).
-#include "worker/integrators/mlt/mlt.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,6 +8,8 @@
 
 #include "worker/estimators/film_domain.h"
 #include "worker/integrators/chains/chain_integrator.h"
+#include "worker/integrators/makers.h"
+#include "worker/integrators/mlt/settings.h"
 #include "worker/integrators/plan_light.h"
 #include "worker/mcmc/path_space.h"
 

@@ -1,12 +1,14 @@
+// Multiplexed Metropolis light transport [Hachisuka 2014]: the length of the path and the technique that
+// makes it are part of a chain's state.
 // The mmlt integrator: settings, plan, and the choice of a target (target.h) by them.
-#include "worker/integrators/mmlt/mmlt.h"
-
 #include <algorithm>
 #include <string>
 
 #include "worker/integrators/bidirectional/plan.h"
 #include "worker/integrators/chains/chain_integrator.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/mmlt/mollified.h"
+#include "worker/integrators/mmlt/settings.h"
 #include "worker/integrators/mmlt/target.h"
 #include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/plan_walks.h"

@@ -1,6 +1,6 @@
+// Path tracing whose direct light at the first vertex that is not specular has optimal weights
+// [Kondapaneni 2019], found from the sums of the whole job when its image is read.
 // The integrator optimis: settings, work plan, and the sums of each sample.
-#include "worker/integrators/optimis/optimis.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -21,7 +21,9 @@
 #include "worker/integrators/decision_bytes.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/optimis/plan.h"
+#include "worker/integrators/optimis/settings.h"
 #include "worker/integrators/plan_edge_content.h"
 
 namespace candela::integrators {

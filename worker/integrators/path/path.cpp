@@ -1,10 +1,12 @@
+// Unidirectional path tracing from the eye: next event estimation and bsdf sampling combined by multiple
+// importance sampling (Veach 1997, ch. 9), Russian roulette on the throughput.
 // The path integrator: settings, plan, and the choice of an estimator (estimators/path.h) by the plan.
-#include "worker/integrators/path/path.h"
-
 #include "worker/estimators/path_dispatch.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/path/plan.h"
+#include "worker/integrators/path/settings.h"
 #include "worker/scene/emitters/light_groups.h"
 
 namespace candela::integrators {

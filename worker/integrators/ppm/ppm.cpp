@@ -1,10 +1,12 @@
-#include "worker/integrators/ppm/ppm.h"
-
+// Stochastic progressive photon mapping [Hachisuka 2009] in the form of [Knaus 2011]: every iteration has
+// light paths of its own and a radius that follows from its number.
 #include "common/stats/inner_merges.h"
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/merging/chosen_radius.h"
 #include "worker/integrators/merging/one_radius.h"
 #include "worker/integrators/ppm/plan.h"
+#include "worker/integrators/ppm/settings.h"
 
 namespace candela::integrators {
 namespace {

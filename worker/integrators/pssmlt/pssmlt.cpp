@@ -1,12 +1,14 @@
+// Metropolis light transport in primary sample space [Kelemen 2002]: chains over the random numbers of path
+// tracing or bidirectional path tracing.
 // The pssmlt integrator: settings, plan, and the choice of a target (targets.h) by them.
-#include "worker/integrators/pssmlt/pssmlt.h"
-
 #include "worker/integrators/bidirectional/plan.h"
 #include "worker/integrators/chains/chain_integrator.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/path/plan.h"
 #include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/plan_walks.h"
 #include "worker/integrators/pssmlt/mollified.h"
+#include "worker/integrators/pssmlt/settings.h"
 #include "worker/integrators/pssmlt/targets.h"
 #include "worker/mcmc/primary_space.h"
 

@@ -8,6 +8,9 @@
 
 namespace candela::integrators {
 
+// Pixels of the film, which has one row. Iteration i of the job is in batch i mod kShareBatches.
+inline constexpr std::uint32_t kShareBatches = 32;
+
 struct SharesSettings {
   RecordedSettings recorded;
   // The region of the vertex next to the eye, in the coordinates of the scene's file.

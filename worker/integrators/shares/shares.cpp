@@ -1,10 +1,14 @@
-#include "worker/integrators/shares/shares.h"
-
+// The integrator of the jobs of `candela inspect paths`: light by the groups of its paths. An iteration is a
+// sample of each pixel whose light is taken. The film has a pixel for each batch of iterations, from whose
+// spread the errors follow. A contribution is in the image, and in one layer at most: the first one, after
+// the layer that selects, whose expression its path matches.
 #include <fmt/format.h>
 
 #include <array>
 #include <cmath>
 
+#include "worker/integrators/makers.h"
+#include "worker/integrators/shares/settings.h"
 #include "worker/integrators/volume/recorded_job.h"
 #include "worker/transport/letters/vertex_letter.h"
 

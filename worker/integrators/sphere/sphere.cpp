@@ -1,11 +1,13 @@
-#include "worker/integrators/sphere/sphere.h"
-
+// The integrator of the jobs of `candela inspect sphere`: a path tracer whose film is a map of the directions
+// around a place (probe.h).
 #include <cmath>
 
 #include "worker/estimators/path_dispatch.h"
 #include "worker/integrators/eye_samples.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/path/plan.h"
 #include "worker/integrators/sphere/probe.h"
+#include "worker/integrators/sphere/settings.h"
 
 namespace candela::integrators {
 namespace {

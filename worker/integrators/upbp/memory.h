@@ -1,10 +1,8 @@
 // The memory of an iteration's light paths: what eye paths find there.
 #pragma once
 
-#include <cstdint>
 #include <span>
 #include <string>
-#include <vector>
 
 #include "worker/integrators/upbp/stores.h"
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <mutex>
-#include <vector>
 
 #include "worker/estimators/merging_eye.h"
 #include "worker/transport/technique/merge_medium.h"

@@ -1,5 +1,4 @@
-#include "worker/integrators/upbp/upbp.h"
-
+// Unified points, beams and paths [Krivanek 2014]: vcm with merges of points and beams in media.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -10,14 +9,16 @@
 
 #include "worker/integrators/decision_bytes.h"
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/merging/chosen_radius.h"
 #include "worker/integrators/merging/first_radius.h"
 #include "worker/integrators/merging/iterations.h"
 #include "worker/integrators/pilot/trial_runs.h"
 #include "worker/integrators/upbp/beam_maps.h"
 #include "worker/integrators/upbp/rules.h"
+#include "worker/integrators/upbp/settings.h"
 #include "worker/integrators/vcm/plan.h"
-#include "worker/integrators/vcm/vcm.h"
+#include "worker/integrators/vcm/settings.h"
 
 namespace candela::integrators {
 namespace {

@@ -1,10 +1,11 @@
-#include "worker/integrators/vcm/vcm.h"
-
+// Vertex connection and merging, and bidirectional photon mapping: what is left of it without connections.
 #include "common/stats/inner_merges.h"
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/merging/chosen_radius.h"
 #include "worker/integrators/merging/one_radius.h"
 #include "worker/integrators/vcm/plan.h"
+#include "worker/integrators/vcm/settings.h"
 
 namespace candela::integrators {
 namespace {

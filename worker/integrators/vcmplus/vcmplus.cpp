@@ -1,10 +1,12 @@
-#include "worker/integrators/vcmplus/vcmplus.h"
-
+// VCM+: vertex connection and merging whose radius follows, at each pixel, from F tests of the weighted light
+// that merging finds in sectors around the eye's vertices [Lin 2023, section 6].
 #include "worker/integrators/adaptive/run.h"
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/makers.h"
 #include "worker/integrators/merging/one_radius.h"
 #include "worker/integrators/plan_edge_content.h"
 #include "worker/integrators/vcm/plan.h"
+#include "worker/integrators/vcmplus/settings.h"
 #include "worker/transport/statistics/weighted_sectors.h"
 
 namespace candela::integrators {

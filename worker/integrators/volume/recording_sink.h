@@ -8,7 +8,6 @@
 #include "worker/estimators/bidirectional.h"
 #include "worker/film/filter.h"
 #include "worker/integrators/volume/recorded_path.h"
-#include "worker/samplers/sampler.h"
 #include "worker/transport/letters/vertex_letter.h"
 
 namespace candela::integrators {

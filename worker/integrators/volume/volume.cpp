@@ -1,12 +1,15 @@
-#include "worker/integrators/volume/volume.h"
-
+// The integrator of the jobs of `candela inspect volume`: each path of bidirectional path tracing brings its
+// contribution to the cells of a box that its edges cross [Kaplanyan 2017, 9.1.1.4]. An iteration is a sample
+// of each pixel whose light is taken. The film (cell_film.h) has sum(contribution * length) of each cell.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "worker/integrators/makers.h"
 #include "worker/integrators/volume/cell_film.h"
 #include "worker/integrators/volume/recorded_job.h"
+#include "worker/integrators/volume/settings.h"
 
 namespace candela::integrators {
 namespace {

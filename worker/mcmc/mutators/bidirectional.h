@@ -11,7 +11,6 @@
 
 #include <optional>
 #include <string_view>
-#include <vector>
 
 #include "worker/mcmc/mutators/context.h"
 #include "worker/mcmc/mutators/mutator.h"

@@ -8,7 +8,7 @@
 
 #include "worker/core/math.h"
 #include "worker/mcmc/mutators/tracing.h"
-#include "worker/transport/manifold/geometry_terms.h"
+#include "worker/transport/manifold/constraint.h"
 #include "worker/transport/manifold/walk.h"
 
 namespace candela::mcmc {

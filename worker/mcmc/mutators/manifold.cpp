@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "worker/core/math.h"
-#include "worker/transport/manifold/geometry_terms.h"
+#include "worker/transport/manifold/constraint.h"
 #include "worker/transport/manifold/proposal.h"
 #include "worker/transport/manifold/walk.h"
 

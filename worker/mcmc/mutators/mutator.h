@@ -31,7 +31,6 @@
 #include <utility>
 
 #include "common/rng/stream.h"
-#include "worker/core/math.h"
 #include "worker/mcmc/mutators/path_state.h"
 
 namespace candela::mcmc {
@@ -74,13 +73,5 @@ class PathMutator {
   virtual Proposal propose(const PathState& from, rng::Stream& stream) const = 0;
   virtual std::optional<double> log_pdf_area(const PathState& from, const PathState& to) const = 0;
 };
-
-// log of f(to) T(to -> from) / (f(from) T(from -> to)). Nothing: one of the densities is zero.
-inline std::optional<double> log_acceptance(const PathMutator& mutator, const PathState& from,
-                                            const PathState& to) {
-  const auto forward = mutator.log_pdf_area(from, to), back = mutator.log_pdf_area(to, from);
-  if (!forward || !back) return std::nullopt;
-  return math::log(to.scalar) - math::log(from.scalar) + *back - *forward;
-}
 
 }  // namespace candela::mcmc

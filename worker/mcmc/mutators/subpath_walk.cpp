@@ -6,6 +6,7 @@
 #include "worker/core/math.h"
 #include "worker/scene/points/surface_points.h"
 #include "worker/transport/between.h"
+#include "worker/transport/scattering.h"
 
 namespace candela::mcmc {
 
@@ -134,7 +135,8 @@ void SubpathWalk::sample() {
   const Vec3 wo = hit_.shading.to_local(wo_);
   scene::ClosureArena arena;
   const scene::Closure closure = scene_.closure(hit_, wo, arena);
-  scatters_ = !closure.black && closure.sample(wo, u_lobe, {ux, uy}, mode_, next_);
+  scatters_ = !closure.black &&
+              transport::SurfaceScattering(hit_, closure, wo_, wo).sample(u_lobe, {ux, uy}, mode_, next_);
   sampled_ = true;
 }
 

@@ -1,7 +1,6 @@
 #include "worker/scene/bsdfs/conductor.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "worker/scene/bsdfs/fresnel.h"

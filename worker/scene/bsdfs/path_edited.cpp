@@ -1,7 +1,6 @@
 #include "worker/scene/bsdfs/path_edited.h"
 
 #include <algorithm>
-#include <cmath>
 #include <new>
 
 #include "worker/scene/bsdfs/bsdf_build.h"

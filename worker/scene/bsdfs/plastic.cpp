@@ -1,7 +1,6 @@
 #include "worker/scene/bsdfs/plastic.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "worker/core/warp.h"
 #include "worker/scene/bsdfs/fresnel.h"

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <utility>
 
-#include "worker/core/math.h"
 #include "worker/core/vec.h"
 #include "worker/scene/textures/texture.h"
 

@@ -1,7 +1,6 @@
 #include "worker/scene/emitters/daylight.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <vector>

@@ -1,7 +1,6 @@
 #include "worker/scene/emitters/emitter_build.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
 #include <variant>

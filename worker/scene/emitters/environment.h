@@ -8,7 +8,6 @@
 
 #include <memory>
 #include <string_view>
-#include <vector>
 
 #include "common/base/result.h"
 #include "common/description/object.h"
@@ -63,7 +62,6 @@ class Environment {
   bool black() const { return mean_radiance_.is_black(); }
   // Mean over the sphere of directions: the power onto a disk of radius r is mean * 4 pi * pi r^2.
   Spectrum mean_radiance() const { return mean_radiance_; }
-  float max_luminance() const { return max_luminance_; }
   float max_radiance(double /*scene_radius*/) const { return max_luminance_; }
   // The relative variance of what a sample of a scattering direction finds of it, roughly: that of the
   // radiance over directions, and something for what stands before it.

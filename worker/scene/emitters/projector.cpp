@@ -1,6 +1,5 @@
 #include "worker/scene/emitters/projector.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "worker/core/math.h"

@@ -6,7 +6,6 @@
 #include <numbers>
 #include <numeric>
 #include <tuple>
-#include <utility>
 #include <vector>
 
 #include "common/base/work_monitor.h"

@@ -12,7 +12,6 @@
 #include <limits>
 #include <numbers>
 
-#include "worker/core/math.h"
 #include "worker/loaders/parallel.h"
 #include "worker/scene/shapes/geometry_steps.h"
 #include "worker/scene/shapes/rounding.h"

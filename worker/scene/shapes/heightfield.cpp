@@ -1,6 +1,5 @@
 #include "worker/scene/shapes/heightfield.h"
 
-#include <array>
 #include <cmath>
 #include <string>
 #include <utility>

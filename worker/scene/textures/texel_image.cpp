@@ -1,7 +1,6 @@
 #include "worker/scene/textures/texel_image.h"
 
 #include <algorithm>
-#include <cstring>
 #include <limits>
 
 namespace candela::scene {

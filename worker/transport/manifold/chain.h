@@ -4,7 +4,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "worker/core/vec.h"
@@ -56,7 +55,6 @@ enum class Fault : std::uint8_t {
   side,        // the vertex reflects or refracts to the wrong side
   not_finite
 };
-inline constexpr std::size_t kFaults = 6;
 const char* name_of(Fault fault);
 
 // [half-vector note, sections 2 and 16]

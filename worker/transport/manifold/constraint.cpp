@@ -93,9 +93,14 @@ std::vector<Blocks> blocks(Form form, const Chain& chain) {
   return out;
 }
 
-double half_cosine(const Chain& chain, std::size_t i) {
-  const Vec3d h = chain.to_light(i) + chain.to_sensor(i) * chain.vertices[i].eta;
-  return std::abs(dot(h, chain.vertices[i].n)) / length(h);
+double light_angle_by_constraint(const Chain& chain, std::size_t index) {
+  const ChainVertex& v = chain.vertices[index];
+  const Vec3d i = chain.to_light(index), o = chain.to_sensor(index);
+  const Vec3d h = normalize(i + o * v.eta);
+  const double along_i = dot(i, h), cosine = std::abs(dot(h, v.n));
+  // [Walter 2007, Eq. 17; Kaplanyan 2017, Eq. 7.7] with the ends exchanged, and without the cosine of i.
+  const double both = along_i + v.eta * dot(o, h);
+  return both * both / std::abs(along_i) * (cosine * cosine * cosine);
 }
 
 }  // namespace candela::transport::manifold

@@ -31,7 +31,8 @@ Blocks blocks(Form form, const Chain& chain, std::size_t i);
 std::vector<Pair> constraints(Form form, const Chain& chain);
 std::vector<Blocks> blocks(Form form, const Chain& chain);
 
-// |h.n| of the unit half vector h at vertex i.
-double half_cosine(const Chain& chain, std::size_t i);
+// |d omega_i / d c| at vertex i for a fixed direction towards the sensor, omega_i the direction towards the
+// light per solid angle: the delta function of a slope is that of this direction times it.
+double light_angle_by_constraint(const Chain& chain, std::size_t i);
 
 }  // namespace candela::transport::manifold

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "worker/core/math.h"
-#include "worker/transport/manifold/geometry_terms.h"
 #include "worker/transport/manifold/walk.h"
 
 namespace candela::transport::manifold {
@@ -15,18 +14,6 @@ namespace {
 Mat2 cholesky(const Mat2& m) {
   const double xx = std::sqrt(m.xx), yx = m.yx / xx;
   return {xx, 0, yx, std::sqrt(m.yy - yx * yx)};
-}
-
-double log_contribution_of(const PreparedChain& prepared) {
-  std::vector<bool> specular;
-  for (const double alpha : prepared.alphas) specular.push_back(!(alpha > 0));
-  return log_contribution(Form::slope, prepared.chain, specular);
-}
-
-double log_geometry(const Chain& chain) {
-  double sum = 0;
-  for (std::size_t i = 0; i <= chain.inner_count(); ++i) sum += math::log(geometry_term(chain, i));
-  return sum;
 }
 
 }  // namespace
@@ -82,11 +69,6 @@ double log_pdf_slopes(const PreparedChain& from, std::span<const Pair> to) {
   return sum;
 }
 
-double log_quotient_walk(const PreparedChain& from, const PreparedChain& to) {
-  return log_contribution_of(to) - log_contribution_of(from) + log_pdf_slopes(to, from.slopes) -
-         log_pdf_slopes(from, to.slopes);
-}
-
 Pair normal_pair(double u, double v) {
   const double r = std::sqrt(-2 * math::log(1 - u));
   double sine = 0, cosine = 0;
@@ -126,12 +108,6 @@ std::optional<double> log_pdf_one_step_area(const PreparedChain& from, const Cha
   if (slopes != nullptr) *slopes = std::move(proposed);
   if (!std::isfinite(log_pdf)) return std::nullopt;
   return log_pdf;
-}
-
-std::optional<double> log_quotient_one_step(const PreparedChain& from, const PreparedChain& to) {
-  const auto forward = log_pdf_one_step_area(from, to.chain), back = log_pdf_one_step_area(to, from.chain);
-  if (!forward || !back) return std::nullopt;
-  return log_geometry(to.chain) - log_geometry(from.chain) + *back - *forward;
 }
 
 }  // namespace candela::transport::manifold

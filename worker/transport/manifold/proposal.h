@@ -44,11 +44,6 @@ std::vector<Pair> propose_slopes(const PreparedChain& from, std::span<const Pair
 // log T in the measure of slopes. For a walk `to` has the slopes at which the walk arrived.
 double log_pdf_slopes(const PreparedChain& from, std::span<const Pair> to);
 
-// The log of what multiplies the quotient f_s(to) / f_s(from) in the acceptance of a walk, f_s the product of
-// the bsdfs, emission and importance (of a specular vertex the factor of its delta lobe): geometry over
-// |J|, and both densities [half-vector note, section 11].
-double log_quotient_walk(const PreparedChain& from, const PreparedChain& to);
-
 // A pair of independent standard normal numbers from two uniform ones in [0, 1).
 Pair normal_pair(double u, double v);
 
@@ -62,8 +57,5 @@ bool propose_one_step(const PreparedChain& from, std::span<const Pair> slopes, c
 // never proposes it. slopes: if given gets c'.
 std::optional<double> log_pdf_one_step_area(const PreparedChain& from, const Chain& to,
                                             std::vector<Pair>* slopes = nullptr);
-
-// As log_quotient_walk(): geometry, and both densities in area measure. Nothing: one of them is zero.
-std::optional<double> log_quotient_one_step(const PreparedChain& from, const PreparedChain& to);
 
 }  // namespace candela::transport::manifold

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <optional>
-#include <vector>
 
 #include "worker/scene/scene.h"
 #include "worker/transport/film_position.h"

@@ -4,7 +4,6 @@
 // mis/balance_power.h.
 #pragma once
 
-#include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>

@@ -7,7 +7,6 @@
 #include <cstddef>
 #include <optional>
 #include <span>
-#include <vector>
 
 #include "worker/transport/path/assemble.h"
 #include "worker/transport/path/path.h"

@@ -1,6 +1,5 @@
 #include "worker/transport/path/segment.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "worker/scene/bsdfs/lobe_shapes.h"

@@ -1,6 +1,5 @@
 // The oracle's contribution of a path, and the densities with which walks truly make it.
 #include <algorithm>
-#include <cmath>
 
 #include "worker/core/math.h"
 #include "worker/scene/bsdfs/delta_lobes.h"

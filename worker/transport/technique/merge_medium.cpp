@@ -1,6 +1,5 @@
 #include "worker/transport/technique/merge_medium.h"
 
-#include <algorithm>
 #include <utility>
 
 #include "worker/transport/between.h"

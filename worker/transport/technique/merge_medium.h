@@ -10,7 +10,6 @@
 // lengths and its own place's hazard (mis/beam_balance.h).
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <span>
 
