@@ -455,17 +455,20 @@ TEST(ErrorContext, FollowsSettingsAndPlan) {
       context_of({{"radius", "0"}, {"alpha", "0.8"}}, "use  connections: x\nuse  merging on surfaces: y\n");
   EXPECT_EQ(vcm.alpha, 0.8);
   EXPECT_TRUE(vcm.connects);
-  EXPECT_EQ(vcm.expected_bias, 1.0 / 3);
   const SettingsMap kept{{"radius", "0"}, {"alpha_f", "0.05"}};
-  EXPECT_EQ(context_of(kept, "use  connections: x\nuse  merging on surfaces: y\n").expected_bias, 1);
+  EXPECT_GT(context_of(kept, "use  connections: x\nuse  merging on surfaces: y\n").expected_bias,
+            vcm.expected_bias);
   const ErrorContext ppm = context_of({{"radius", "0"}, {"alpha", "0.5"}}, "use  photons on surfaces: x\n");
   EXPECT_EQ(ppm.alpha, 0.75);
   EXPECT_FALSE(ppm.connects);
-  EXPECT_EQ(ppm.expected_bias, 2.2);
-  for (const auto& [name, expected] :
-       {std::pair("alpha_f", 9.0), std::pair("alpha_chi", 9.0), std::pair("r_max", 1.4)})
-    EXPECT_EQ(context_of({{"radius", "0"}, {name, "1"}}, "use  photons on surfaces: x\n").expected_bias,
-              expected);
+  const auto expected_of = [](const char* setting) {
+    return context_of({{"radius", "0"}, {setting, "1"}}, "use  photons on surfaces: x\n").expected_bias;
+  };
+  // More of photons alone; of those less if radii balance bias and noise, more if they stay.
+  EXPECT_GT(ppm.expected_bias, vcm.expected_bias);
+  EXPECT_LT(expected_of("r_max"), ppm.expected_bias);
+  EXPECT_GT(expected_of("alpha_f"), ppm.expected_bias);
+  EXPECT_GT(expected_of("alpha_chi"), ppm.expected_bias);
   EXPECT_NEAR(context_of({{"radius", "0"}}, "use  photons on surfaces: x\n").alpha, 5.0 / 6, 1e-12);
 }
 
