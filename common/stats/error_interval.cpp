@@ -15,20 +15,21 @@ namespace {
 constexpr std::uint32_t kReach = 2;  // pixels around one that its denominator is smoothed over
 constexpr double kNormal = 1.645;    // one-sided 95 %
 constexpr double kTail = 0.05;
-// The bias of merging. Its upper end is added to those of other parts, so that all together are exceeded
-// less often.
-constexpr double kTailOfBias = 0.15;
+// The bias of merging, as the movement of the image tells it, or as it is measured. Its upper end is added to
+// those of other parts, so that all together are exceeded less often.
+constexpr double kTailOfBias = 0.15, kTailOfMeasuredBias = 0.35;
 // The image's own error spreads about what is expected as much as the estimate does.
 constexpr double kBoth = 1.41421356;
 // Shares of the noise that the upper end adds for light that was found too rarely to be in the noise, and for
-// light that both groups of chains have found too often or too rarely alike.
-constexpr double kUnseen = 0.5, kUnseenByChains = 0.75;
+// light that both groups of chains have found too often or too rarely alike. Where photons measure their bias
+// the upper end has leaks besides, which are larger.
+constexpr double kUnseen = 0.5, kUnseenByChains = 0.75, kUnseenByPhotons = 0.1;
 constexpr double kStandsOut = 0.5;  // standard errors
 // From so many iterations of each half on the movement has two groups, unless an older build merged them:
 // then the prior stands for the bias.
 constexpr double kKnown = 4;
 constexpr double kUnknown = 100;         // its standard error, of the prior's mean
-constexpr double kFewIterations = 32;    // up to here the bias is too uncertain to leave a denominator of 0
+constexpr double kFewIterations = 16;    // up to here the bias is too uncertain to leave a denominator of 0
 constexpr std::size_t kManyBlocks = 16;  // from so many on the spread of their energies is known
 
 using Row = std::vector<double>;
@@ -243,14 +244,14 @@ Blur blur_of(const Movement::Bias& bias, const Row& weights, const Row& sizes) {
 }
 
 struct Posterior {
-  double mean = 0, upper = 0;  // `upper`: exceeded with probability kTailOfBias
+  double mean = 0, upper = 0;  // `upper`: exceeded with probability `tail`
 };
 
 // The bias b >= 0 by Bayes' rule. Its estimate is normal. Its prior is of Pareto's kind [Lomax 1954],
 //   p(b) = (1 + b / expected)^-3 * 2 / expected,
 // of mean `expected`: a few times as much is likely enough for an image that tells so to be believed, and
 // what cannot be told from the noise is no larger than expected. The integral is over log(1 + b / expected).
-Posterior posterior_of(const Blur& blur, double expected) {
+Posterior posterior_of(const Blur& blur, double expected, double tail) {
   const double known = std::max(0.0, blur.value);
   if (!(blur.error > 0) || !(expected > 0) || !std::isfinite(blur.value) || !std::isfinite(blur.error))
     return {known, known};
@@ -274,8 +275,8 @@ Posterior posterior_of(const Blur& blur, double expected) {
   mean /= sum;
   double above = 0;
   std::size_t i = kSteps;
-  while (i > 0 && above <= kTailOfBias * sum) above += weights[--i];
-  const double upper = bias_at(static_cast<double>(i) + (above - kTailOfBias * sum) / weights[i]);
+  while (i > 0 && above <= tail * sum) above += weights[--i];
+  const double upper = bias_at(static_cast<double>(i) + (above - tail * sum) / weights[i]);
   return {mean, std::max(mean, upper)};
 }
 
@@ -308,7 +309,7 @@ double leak_along_lines(const Movement::Bias& bias, const BlockMeans& now, std::
         sum += (double{bias.a[i]} + bias.b[i]) / 2;
         count += 1;
       });
-    most = std::max(most, sum / count - std::sqrt(squares / around / count));
+    most = std::max(most, sum / count - kStandsOut * std::sqrt(squares / around / count));
   }
   return most;
 }
@@ -461,18 +462,20 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
     bias = *context.measured;
   else if (context.alpha < 1 && context.movement != nullptr)
     bias = context.movement->bias(blocks, context.alpha);
-  result.unseen = (halves.chains ? kUnseenByChains : kUnseen) * result.noise;
+  const double tail = measured ? kTailOfMeasuredBias : kTailOfBias;
+  const double unseen = measured ? kUnseenByPhotons : halves.chains ? kUnseenByChains : kUnseen;
+  result.unseen = unseen * result.noise;
   // Independent samples have found too rarely also what makes the spread.
-  const double spread = (halves.chains ? 1 : 1 + kUnseen) * excess(bands.finish()) / values;
+  const double spread = (halves.chains ? 1 : 1 + unseen) * excess(bands.finish()) / values;
   const auto upper_end = [&](double noise_there, const Posterior& blur) {
     return noise_there + result.unseen + blur.mean + std::hypot(spread, blur.upper - blur.mean);
   };
   Posterior blur;
   const double expected = context.expected_bias * result.noise;
   if (!bias.a.empty())
-    blur = posterior_of(blur_of(bias, weights, sizes), expected);
+    blur = posterior_of(blur_of(bias, weights, sizes), expected, tail);
   else if (context.alpha < 1 && context.movement != nullptr && std::min(blocks.n0, blocks.n1) >= kKnown)
-    blur = posterior_of({0, kUnknown * expected}, expected);
+    blur = posterior_of({0, kUnknown * expected}, expected, tail);
   result.blur = blur.mean;
   result.relmse = result.noise + result.blur;
   result.upper = upper_end(result.noise, blur);
@@ -481,7 +484,8 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
     double more_noise = of_factor;
     for (std::size_t i = 0; i < block_values; ++i) more_noise += variances_of_blocks[i] * without[i];
     more_noise /= values;
-    const Posterior more = posterior_of(blur_of(bias, without, sizes), context.expected_bias * more_noise);
+    const Posterior more =
+        posterior_of(blur_of(bias, without, sizes), context.expected_bias * more_noise, tail);
     result.upper = std::max(result.upper, upper_end(more_noise, more));
   }
   return result;

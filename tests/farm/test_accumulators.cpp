@@ -5,16 +5,21 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <csignal>
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <thread>
 
 #include "common/base/files.h"
 #include "common/rng/stream.h"
 #include "common/stages/epochs.h"
+#include "common/stats/error_context.h"
+#include "common/stats/error_interval.h"
+#include "common/stats/inner_merges.h"
 #include "tests/farm/farm.h"
 #include "tests/farm/hand_worker.h"
 #include "tests/farm/local_job.h"
@@ -90,9 +95,10 @@ std::vector<JobKind> job_kinds() {
     kind.settings.aovs = "albedo:albedo,n:sh_normal,p:position,coverage:coverage,o:crypto_object";
     all.push_back(std::move(kind));
   }
-  if (!long_form())  // sums of epochs that decide radii, and that train; by keys
+  if (!long_form())  // sums of epochs that decide radii, and that train; by keys; that measure bias
     std::erase_if(all, [](const JobKind& kind) {
-      return kind.name != "vcmplus" && kind.name != "optimis, trained" && kind.name != "path with AOVs";
+      return kind.name != "vcmplus" && kind.name != "optimis, trained" && kind.name != "path with AOVs" &&
+             kind.name != "ppm";
     });
   return all;
 }
@@ -167,6 +173,25 @@ class AccumulatorFarm : public testing::Test {
                           fmt::format("film.{}.ckpt", status.checkpoint_generation()),
                       truth(*job.kind, iterations));
     farm.audit(job.id, iterations);
+    check_error(job, truth(*job.kind, iterations));
+  }
+  // If photons measure their bias, `show` has the error that follows from these sums and the film.
+  void check_error(const Job& job, const LocalJob& local) {
+    std::array<const film::MergedAccumulator*, 2> inner{};
+    for (std::uint32_t i = 0; i < local.work.accumulators.size(); ++i)
+      if (local.work.accumulators[i].name == stats::kInnerMerges)
+        inner = {local.accumulators.at({i, 0}).get(), local.accumulators.at({i, 1}).get()};
+    if (inner[0] == nullptr) return;
+    const auto measured = stats::measured_bias(inner, kSide, kSide, double(local.film.merged(0).count()),
+                                               double(local.film.merged(1).count()));
+    stats::ErrorContext context =
+        stats::context_of(job.kind->settings.integrator_settings, farm.job(job.id).plan());
+    context.measured = &measured;
+    const stats::ErrorInterval error = stats::error_interval(stats::halves_of(local.film, {}), context);
+    EXPECT_GT(error.blur, 0.1 * error.noise) << "or the lines below prove little";
+    const auto shown = nlohmann::json::parse(farm.candela({"show", job.id, "--json"}).out);
+    EXPECT_DOUBLE_EQ(shown.at("error"), error.relmse);
+    EXPECT_DOUBLE_EQ(shown.at("error_upper"), error.upper);
   }
 
   TempDir folder_;
@@ -175,7 +200,8 @@ class AccumulatorFarm : public testing::Test {
   std::map<std::pair<std::string, std::uint64_t>, LocalJob> truths_;
 };
 
-// Claim: film, accumulators and states do not depend on the number of workers.
+// Claim: film, accumulators, states, and the error by what photons measure do not depend on the number of
+// workers.
 TEST_F(AccumulatorFarm, SameBytesOfOneTwoAndEightWorkers) {
   constexpr std::uint64_t kIterations = 75;
   start_master("0.2");
@@ -223,7 +249,7 @@ TEST_F(AccumulatorFarm, TrainingThatEndsHasEmptyStates) {
 }
 
 // Claim: SIGKILL of the master and of workers, at times all over the jobs, with the newest checkpoints lost,
-// and an extension of what has ended change no byte.
+// and an extension of what has ended change no byte, nor the error that is shown.
 TEST_F(AccumulatorFarm, DeathsChangeNothing) {
   constexpr std::uint64_t kFirst = 241, kMore = 38;
   constexpr int kDeaths = 6;

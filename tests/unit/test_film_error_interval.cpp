@@ -225,7 +225,7 @@ TEST(ErrorInterval, ExpectsABiasThatIsNotKnown) {
 
 // Claim: light that merging carries into black pixels, as much as the others have, is no denominator of its
 // own: from the third doubling on the upper end is at least a third of the truth, which is a hundred times
-// above the estimate.
+// above the estimate; from 16 iterations on if it is measured with three times as much noise.
 TEST(ErrorInterval, CoversLeaksIntoTheDark) {
   constexpr double kAlpha = 2.0 / 3;
   const auto dark = [](std::size_t p) { return p % kSide < kSide / 2; };
@@ -254,6 +254,17 @@ TEST(ErrorInterval, CoversLeaksIntoTheDark) {
       EXPECT_GE(shown.upper, truth / 3) << samples;
       EXPECT_LE(shown.upper, 20 * truth) << samples;
       EXPECT_GE(truth, 100 * shown.relmse) << samples;
+    }
+    if (samples == 16) {
+      Movement::Bias measured;
+      rng::Stream stream(rng::key(1, 9, 0));
+      for (auto [half, bias] : {std::pair(&image.a, &measured.a), std::pair(&image.b, &measured.b)})
+        for (std::size_t i = 0; i < half->size(); ++i) {
+          const double noise = 3 * std::sqrt(12.0) * (stream.next_float() - 0.5);
+          bias->push_back(dark(i / 3) ? static_cast<float>((*half)[i] * (1 + noise)) : 0);
+        }
+      const ErrorContext by_photons{.alpha = kAlpha, .movement = &movement, .measured = &measured};
+      EXPECT_GE(error_interval(halves_of(image), by_photons).upper, truth / 3);
     }
     movement.add(shown.blocks, kAlpha);
   }
@@ -455,17 +466,20 @@ TEST(ErrorContext, FollowsSettingsAndPlan) {
       context_of({{"radius", "0"}, {"alpha", "0.8"}}, "use  connections: x\nuse  merging on surfaces: y\n");
   EXPECT_EQ(vcm.alpha, 0.8);
   EXPECT_TRUE(vcm.connects);
-  EXPECT_EQ(vcm.expected_bias, 1.0 / 3);
   const SettingsMap kept{{"radius", "0"}, {"alpha_f", "0.05"}};
-  EXPECT_EQ(context_of(kept, "use  connections: x\nuse  merging on surfaces: y\n").expected_bias, 1);
+  EXPECT_GT(context_of(kept, "use  connections: x\nuse  merging on surfaces: y\n").expected_bias,
+            vcm.expected_bias);
   const ErrorContext ppm = context_of({{"radius", "0"}, {"alpha", "0.5"}}, "use  photons on surfaces: x\n");
   EXPECT_EQ(ppm.alpha, 0.75);
   EXPECT_FALSE(ppm.connects);
-  EXPECT_EQ(ppm.expected_bias, 2.2);
-  for (const auto& [name, expected] :
-       {std::pair("alpha_f", 9.0), std::pair("alpha_chi", 9.0), std::pair("r_max", 1.4)})
-    EXPECT_EQ(context_of({{"radius", "0"}, {name, "1"}}, "use  photons on surfaces: x\n").expected_bias,
-              expected);
+  const auto expected_of = [](const char* setting) {
+    return context_of({{"radius", "0"}, {setting, "1"}}, "use  photons on surfaces: x\n").expected_bias;
+  };
+  // More of photons alone; of those less if radii balance bias and noise, more if they stay.
+  EXPECT_GT(ppm.expected_bias, vcm.expected_bias);
+  EXPECT_LT(expected_of("r_max"), ppm.expected_bias);
+  EXPECT_GT(expected_of("alpha_f"), ppm.expected_bias);
+  EXPECT_GT(expected_of("alpha_chi"), ppm.expected_bias);
   EXPECT_NEAR(context_of({{"radius", "0"}}, "use  photons on surfaces: x\n").alpha, 5.0 / 6, 1e-12);
 }
 

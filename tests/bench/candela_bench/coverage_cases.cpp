@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kMagic = "CANHALF4";
+constexpr std::string_view kMagic = "CANHALF5";
 constexpr std::uint64_t kFileLimitBytes = 1ULL << 32;
 
 std::vector<std::string> all_but_light() {
