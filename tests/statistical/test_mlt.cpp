@@ -72,15 +72,11 @@ TEST_P(Mlt, AgreesWithBdpt) {
   expect_agreement(GetParam(), load(entry->name), {}, 1 + 2 * number);
 }
 
-// mlt refuses them.
-bool has_media(std::string_view scene) {
-  return scene.starts_with("fog") || scene == "smoke" || scene == "flush";
-}
 std::vector<std::string> scenes() {
-  if (!long_form()) return {"box-diffuse", "thin-null", "orthographic", "envmap"};
+  if (!long_form()) return {"box-diffuse", "thin-null", "orthographic", "envmap", "fog-null"};
   std::vector<std::string> names;
   for (const TransportScene& scene : kTransportScenes)
-    if ((scene.complete & kBdpt) != 0 && !has_media(scene.name)) names.emplace_back(scene.name);
+    if ((scene.complete & kBdpt) != 0 && scene.name != "smoke") names.emplace_back(scene.name);
   return names;
 }
 std::string scene_name(const testing::TestParamInfo<std::string>& one) {
@@ -94,6 +90,7 @@ INSTANTIATE_TEST_SUITE_P(, Mlt, testing::ValuesIn(scenes()), scene_name);
 TEST(MltSettings, Agree) {
   const TestScene lens = load("lens");
   expect_agreement("direct=chain", lens, {{"direct", "chain"}}, 201);
+  expect_agreement("single scattering", load("fog-thin"), {{"direct", "chain"}}, 211);
   expect_agreement("large_step=0", lens, {{"large_step", "0"}, {"chains", "512"}}, 205);
   expect_agreement("two_stage=false", lens, {{"two_stage", "false"}}, 209);
   if (!long_form()) return;
@@ -118,12 +115,14 @@ TEST(MltJobs, ThreadsChangeNothing) {
 }
 
 // Claim: what mlt does not render it refuses, with what does.
-TEST(MltJobs, MediaAreRefused) {
-  const TestScene fog = with_integrator(scene_from_transport("fog-thin", 8, 8), "mlt", {});
-  const auto renderer = render::Renderer::create(*fog.files, fog.main_key, {}, fog.settings, 1);
-  ASSERT_FALSE(renderer.ok());
-  EXPECT_EQ(renderer.error().kind, ErrorKind::usage);
-  EXPECT_NE(renderer.error().to_string().find("media"), std::string::npos);
+TEST(MltJobs, GridsAreRefused) {
+  for (const std::string integrator : {"mlt", "erpt"}) {
+    const TestScene smoke = with_integrator(scene_from_transport("smoke", 8, 8), integrator, {});
+    const auto renderer = render::Renderer::create(*smoke.files, smoke.main_key, {}, smoke.settings, 1);
+    ASSERT_FALSE(renderer.ok());
+    EXPECT_EQ(renderer.error().kind, ErrorKind::usage);
+    EXPECT_NE(renderer.error().to_string().find("grids"), std::string::npos);
+  }
 }
 
 }  // namespace

@@ -31,7 +31,7 @@ std::vector<PresetCase> cases() {
   std::vector<PresetCase> out{{"hslt", "mirror-glossy"}};
   if (!long_form()) return out;
   for (const std::string preset : {"mlt", "memlt", "hslt"})
-    for (const std::string scene : {"mirror-glossy", "caustic", "sds"})
+    for (const std::string scene : {"mirror-glossy", "caustic", "sds", "fog-glass"})
       if (preset != "hslt" || scene != "mirror-glossy") out.push_back({preset, scene});
   return out;
 }

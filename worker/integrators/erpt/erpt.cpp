@@ -226,9 +226,9 @@ Result<std::unique_ptr<Integrator>> make_erpt_integrator(const SettingsMap& sett
   const auto refuse = [](std::string what, std::string_view field, std::string mend) {
     return usage_error(std::move(what)).with_field(std::string(field)).with_mend(std::move(mend));
   };
-  if (features.media > 0)
-    return refuse("erpt knows no media, and the scene has some", "integrator",
-                  "use bdpt, upbp, pssmlt or mmlt");
+  if (features.any_heterogeneous_medium)
+    return refuse("erpt needs the transmittance of each path, which grids of extinction have no formula for",
+                  "integrator", "use bdpt, upbp, pssmlt or mmlt, or homogeneous media");
   if (!features.edits.empty())
     return refuse("erpt does not render edits: " + features.edits.front(), "integrator",
                   "use bdpt, pssmlt or mmlt, or leave out the edits");

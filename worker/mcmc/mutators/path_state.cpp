@@ -28,7 +28,7 @@ std::optional<PathState> path_state(const scene::Scene& scene, transport::path::
   if (near != nullptr) ends = {&near->evaluation(), shared.light, shared.sensor};
   out.stands_on_ = std::make_shared<PathState::StandsOn>(scene, *std::move(assembled), rules, ends);
   const transport::path::Evaluation& evaluation = out.evaluation();
-  if (!evaluation.valid()) return std::nullopt;
+  if (!evaluation.valid() || !evaluation.media_agree() || !evaluation.closed_form()) return std::nullopt;
   const auto contribution = evaluation.contribution();
   for (std::size_t c = 0; c < 3; ++c) out.contribution[c] = contribution[c].value();
   // As luminance() of vec.h has it.

@@ -66,7 +66,8 @@ class PathState {
   std::shared_ptr<StandsOn> stands_on_;
 };
 
-// Nothing: the path carries no light, or it leaves the film. film_border: pixels around the film that count
+// Nothing: the path carries no light, it leaves the film, or its media are not homogeneous or not the same
+// from both ends. film_border: pixels around the film that count
 // as on it. near: a state of the same scene and rules, as the one that was mutated; what follows from
 // vertices that both have is copied from it. The result is the same to the bit. found: as of assemble().
 std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,

@@ -76,11 +76,13 @@ PathVertex sensor_vertex(Vec2 u_lens) {
   return sensor;
 }
 
-void SubpathWalk::start_at(const PathVertex& vertex, const scene::SurfaceHit& hit, Vec3d place, Vec3 wo) {
+void SubpathWalk::start_at(const PathVertex& vertex, const scene::SurfaceHit& hit, Vec3d place, Vec3 wo,
+                           std::uint32_t medium) {
   vertex_ = vertex;
   hit_ = hit;
   wo_ = wo;
   place_ = place;
+  medium_ = medium;
   kept_ = true;
   sampled_ = false;
 }
@@ -94,6 +96,7 @@ void SubpathWalk::start_at_sensor(PathVertex& vertex) {
   ray_ = scene_.camera_ray(static_cast<float>(x), static_cast<float>(y), u_lens, weight);
   direction_ = ray_.direction;
   origin_ = Vec3d(ray_.origin);
+  if (has_media()) medium_ = scene_.camera_medium(ray_);
   vertex = sensor_vertex(u_lens);
 }
 
@@ -127,7 +130,16 @@ bool SubpathWalk::start_at_light(PathVertex& vertex) {
     origin_ = scene_.points().at(*point).p;
   }
   hit_ = light.vertex;
-  return true;
+  if (!has_media()) return true;
+  medium_ = scene_.emitter_medium(light);
+  from_outside_ = light.infinite && medium_ != scene::kNone;
+  // All of the medium outside, which has no end.
+  return !from_outside_ || stream_.next_double() < static_cast<double>(scene_.medium(medium_).prob_pass(
+                                                       Ray().t_max, Spectrum(1.0f)));
+}
+
+void SubpathWalk::enter_medium_beyond() {
+  if (has_media()) medium_ = scene_.medium_beyond(hit_, direction_, medium_);
 }
 
 void SubpathWalk::sample() {
@@ -140,7 +152,19 @@ void SubpathWalk::sample() {
   sampled_ = true;
 }
 
+bool SubpathWalk::leave_medium() {
+  kept_ = false;
+  const scene::Medium& medium = scene_.medium(vertex_.object);
+  if (medium.albedo(hit_.p).is_black()) return false;
+  const float ux = stream_.next_float(), uy = stream_.next_float();
+  medium.phase().sample(wo_, {ux, uy}, direction_);
+  origin_ = Vec3d(hit_.p);
+  ray_ = {hit_.p, direction_};
+  return true;
+}
+
 bool SubpathWalk::leave(PathVertex& vertex) {
+  if (vertex.kind == Kind::medium) return leave_medium();
   if (!sampled_) sample();
   sampled_ = false;
   // A kept vertex stays as it is, and stays a vertex.
@@ -151,6 +175,27 @@ bool SubpathWalk::leave(PathVertex& vertex) {
   vertex.transmitted = next_.delta && dot(direction_, hit_.ng) * dot(wo_, hit_.ng) < 0;
   origin_ = place_ ? *place_ : scene_.points().at(vertex_.point).p;
   ray_ = spawn_ray(hit_, direction_);
+  enter_medium_beyond();
+  return true;
+}
+
+// A flight through the medium up to hit_, if there is one; it does not know the walk's colors, so that its
+// density is one of the path. True: it ends at a new vertex.
+bool SubpathWalk::scatters_before(bool found) {
+  if (medium_ == scene::kNone || from_outside_) return false;
+  scene::SurfaceHit end = hit_;
+  end.distance = static_cast<float>(length(Vec3d(hit_.p) - Vec3d(ray_.origin)));
+  const float ux = stream_.next_float(), uy = stream_.next_float();
+  const scene::DistanceSample flight = scene_.medium(medium_).sample_distance(
+      transport::inside_medium(ray_, found ? &end : nullptr), Spectrum(1.0f), {ux, uy});
+  if (!flight.scattered) return false;
+  vertex_ = {};
+  vertex_.kind = Kind::medium;
+  vertex_.object = medium_;
+  transport::medium_vertex(ray_, flight.distance, hit_);
+  vertex_.place = Vec3d(hit_.p);
+  place_ = vertex_.place;
+  wo_ = -direction_;
   return true;
 }
 
@@ -190,10 +235,16 @@ SubpathWalk::Arrival SubpathWalk::arrive(bool lens) {
     if (context_.rays != nullptr) ++*context_.rays;
     if (point) set_met(*point);
     if (point && from_point_ && scene::goes_through(hit_, Vec3(origin_))) {
+      enter_medium_beyond();
       ray_ = spawn_ray(hit_, direction_);
       continue;
     }
     if (lens && meets_lens(point.has_value())) return Arrival::lens;
+    if (scatters_before(point.has_value())) {
+      from_point_ = false;
+      return lens ? Arrival::failed : Arrival::medium;
+    }
+    from_outside_ = false;
     if (!point) return Arrival::left;
     vertex_ = {};
     vertex_.point = *point;
@@ -204,6 +255,7 @@ SubpathWalk::Arrival SubpathWalk::arrive(bool lens) {
       return lens ? Arrival::failed : Arrival::surface;
     }
     sampled_ = false;
+    enter_medium_beyond();
     ray_ = spawn_ray(hit_, direction_);
   }
   return Arrival::failed;

@@ -14,6 +14,7 @@ class SubpathWalk {
  public:
   enum class Arrival : std::uint8_t {
     surface,  // vertex() and hit() are there
+    medium,   // the same; of the hit the place alone
     lens,     // vertex() is the sensor
     left,     // the ray leaves the scene along direction()
     failed    // nothing is there that could be a vertex
@@ -22,10 +23,10 @@ class SubpathWalk {
   SubpathWalk(const MutatorContext& context, scene::TransportMode mode, rng::Stream& stream)
       : context_(context), scene_(context.scene), mode_(mode), stream_(stream) {}
 
-  // At a vertex on a surface, at `place`, that came from `wo` (unit). The path must not turn there by a delta
-  // lobe.
-  void start_at(const transport::path::PathVertex& vertex, const scene::SurfaceHit& hit, Vec3d place,
-                Vec3 wo);
+  // At a vertex on a surface or in a medium, at `place`, to which the path came from `wo` (unit) through
+  // `medium`. It must not turn there by a delta lobe.
+  void start_at(const transport::path::PathVertex& vertex, const scene::SurfaceHit& hit, Vec3d place, Vec3 wo,
+                std::uint32_t medium);
   // At the sensor: `vertex` becomes that.
   void start_at_sensor(transport::path::PathVertex& vertex);
   // At a light that emission chooses: `vertex` becomes that. False: there is no light by this choice.
@@ -41,9 +42,13 @@ class SubpathWalk {
   Vec3 direction() const { return direction_; }  // unit, of the ray that arrived
 
  private:
+  bool has_media() const { return scene_.features().media > 0; }
   void sample();
   void set_met(const scene::CanonicalPoint& point);
   bool meets_lens(bool found);
+  bool leave_medium();
+  bool scatters_before(bool found);
+  void enter_medium_beyond();
 
   const MutatorContext& context_;
   const scene::Scene& scene_;
@@ -60,7 +65,9 @@ class SubpathWalk {
   Ray ray_;
   Vec3d origin_;  // of the line
   Vec3 direction_;
-  bool from_point_ = false;  // a light that surfaces may go through
+  std::uint32_t medium_ = scene::kNone;  // around the ray
+  bool from_point_ = false;              // a light that surfaces may go through
+  bool from_outside_ = false;            // the medium around the ray is behind it
 };
 
 // The canonical point of emitter `emitter` near p, on a line that meets it along d (unit). near: how far

@@ -51,14 +51,17 @@ class RangeProducts {
   path::PathVector<std::uint32_t> zeros_;
 };
 
-// A vertex that next event estimation chooses at `hit`, which the eye's walk sees from `wo`.
-std::optional<PathVertex> light_seen(const scene::Scene& scene, const scene::SurfaceHit& hit, Vec3 wo,
-                                     rng::Stream& stream) {
+// A vertex that next event estimation chooses at `hit`, on a surface or in a medium, which the eye's walk
+// sees from `wo`.
+std::optional<PathVertex> light_seen(const scene::Scene& scene, Kind kind, const scene::SurfaceHit& hit,
+                                     Vec3 wo, rng::Stream& stream) {
   const float u_select = stream.next_float(), ux = stream.next_float(), uy = stream.next_float();
-  scene::ClosureArena arena;
-  const scene::Closure closure = scene.closure(hit, hit.shading.to_local(wo), arena);
   Vec3 front;
-  if (!closure.scatters_through()) front = dot(wo, hit.shading.n) < 0 ? -hit.shading.n : hit.shading.n;
+  if (kind == Kind::surface) {
+    scene::ClosureArena arena;
+    const scene::Closure closure = scene.closure(hit, hit.shading.to_local(wo), arena);
+    if (!closure.scatters_through()) front = dot(wo, hit.shading.n) < 0 ? -hit.shading.n : hit.shading.n;
+  }
   scene::DirectSample light;
   if (scene.sample_direct(hit, front, u_select, {ux, uy}, light) != scene::DirectOutcome::sampled)
     return std::nullopt;
@@ -79,6 +82,11 @@ std::optional<PathVertex> light_seen(const scene::Scene& scene, const scene::Sur
   if (!point) return std::nullopt;
   v.point = *point;
   return v;
+}
+
+// At a vertex.
+bool arrived(SubpathWalk::Arrival arrival) {
+  return arrival == SubpathWalk::Arrival::surface || arrival == SubpathWalk::Arrival::medium;
 }
 
 // An emitter that the eye's walk meets by itself.
@@ -137,12 +145,14 @@ Proposal Subpaths::make(const PathState* from, const Kept& kept, std::size_t add
   const std::size_t from_count = from == nullptr ? 0 : from->path.vertices.size();
   std::vector<PathVertex> by_light, by_eye;  // from their ends on
   // The last vertex on the eye's side.
+  Kind eye_kind = Kind::sensor;
   scene::SurfaceHit eye_hit;
   Vec3d eye_place;
   Vec3 eye_wo;
   if (kept.eye >= 2) {
     const std::size_t m = from_count - kept.eye;
-    if (m > 0 && from->path.vertices[m].kind == Kind::surface) {
+    if (m > 0) {
+      eye_kind = from->path.vertices[m].kind;
       eye_hit = from->assembled().path.inner[m - 1].hit;
       eye_place = from->assembled().places[m];
       eye_wo = from->assembled().path.along[m];
@@ -152,7 +162,9 @@ Proposal Subpaths::make(const PathState* from, const Kept& kept, std::size_t add
     SubpathWalk walk(context_, TransportMode::radiance, stream);
     PathVertex sensor;
     if (kept.eye > 0) {
-      walk.start_at(from->path.vertices[from_count - kept.eye], eye_hit, eye_place, eye_wo);
+      const std::size_t m = from_count - kept.eye;
+      walk.start_at(from->path.vertices[m], eye_hit, eye_place, eye_wo,
+                    from->evaluation().medium_arriving(false, m));
     } else if (t == 1) {
       by_eye.push_back(sensor_vertex(draw_lens(scene, stream)));
     } else {
@@ -171,8 +183,9 @@ Proposal Subpaths::make(const PathState* from, const Kept& kept, std::size_t add
         by_eye.push_back(*light);
         break;
       }
-      if (arrival != SubpathWalk::Arrival::surface) return MutationFailure::no_path;
+      if (!arrived(arrival)) return MutationFailure::no_path;
       by_eye.push_back(walk.vertex());
+      eye_kind = walk.vertex().kind;
       eye_hit = walk.hit();
       eye_wo = -walk.direction();
     }
@@ -184,9 +197,10 @@ Proposal Subpaths::make(const PathState* from, const Kept& kept, std::size_t add
     if (kept.light > 0) {
       const std::size_t l = kept.light - 1;
       walk.start_at(from->path.vertices[l], from->assembled().path.inner[l - 1].hit,
-                    from->assembled().places[l], -from->assembled().path.along[l - 1]);
+                    from->assembled().places[l], -from->assembled().path.along[l - 1],
+                    from->evaluation().medium_arriving(true, l));
     } else if (s == 1) {
-      const auto light = light_seen(scene, eye_hit, eye_wo, stream);
+      const auto light = light_seen(scene, eye_kind, eye_hit, eye_wo, stream);
       if (!light) return MutationFailure::no_path;
       by_light.push_back(*light);
     } else {
@@ -200,8 +214,7 @@ Proposal Subpaths::make(const PathState* from, const Kept& kept, std::size_t add
       leaves = true;
       const bool last = to_lens && by_light.size() + 1 == s;
       const SubpathWalk::Arrival arrival = walk.arrive(last);
-      if (arrival != (last ? SubpathWalk::Arrival::lens : SubpathWalk::Arrival::surface))
-        return MutationFailure::no_path;
+      if (last ? arrival != SubpathWalk::Arrival::lens : !arrived(arrival)) return MutationFailure::no_path;
       by_light.push_back(walk.vertex());
     }
   }

@@ -305,8 +305,12 @@ void Evaluation::assign_media() {
       else
         closed_form_ = false;
     }
-    if (i > 0 && path_.inner[i - 1].kind == VertexKind::surface)
-      medium = scene_.medium_beyond(path_.inner[i - 1].hit, -path_.along[i - 1], medium);
+    if (i == 0) break;
+    const InnerVertex& v = path_.inner[i - 1];
+    if (v.kind == VertexKind::surface)
+      medium = scene_.medium_beyond(v.hit, -path_.along[i - 1], medium);
+    else
+      media_agree_ = media_agree_ && v.medium == medium;
   }
 }
 

@@ -45,7 +45,7 @@ class Evaluation {
   Evaluation(const scene::Scene& scene, const FullPath& path, const Rules& rules,
              const SharedEnds& shared = {}, Wanted wanted = Wanted::all);
   bool valid() const { return valid_; }
-  // Media found going from the light and from the eye are the same.
+  // Media found going from the light and from the eye are the same, and those of vertices in them.
   bool media_agree() const { return media_agree_; }
   // No medium on the way is a grid: the contribution has a closed form.
   bool closed_form() const { return closed_form_; }
@@ -54,6 +54,11 @@ class Evaluation {
   // Not counted: lobes as narrow as the last bits of a direction.
   double rounding() const;
   const PathNumbers& numbers() const { return numbers_; }
+  // The medium through which a walk from the light (the eye) comes to x_v, which is not its first vertex.
+  std::uint32_t medium_arriving(bool from_light, std::size_t v) const {
+    const Stretches& all = edges_[from_light ? v - 1 : v].stretches;
+    return all[from_light ? all.size() - 1 : 0].medium;
+  }
 
   // The measurement contribution f(x), per channel: emitted radiance, geometric terms, transmittance, bsdfs
   // as radiance has them (towards the light x_{i-1}, with the shading normal's cosine there), importance.

@@ -68,7 +68,7 @@ Scaled Evaluation::fly(bool from_light, std::size_t i, Arrival arrival, bool exp
     const Stretch& stretch = edge.stretches[from_light ? j : count - 1 - j];
     if (stretch.medium != scene::kNone && scene_.medium(stretch.medium).homogeneous()) {
       const scene::Medium& medium = scene_.medium(stretch.medium);
-      const auto length = static_cast<float>(stretch.length);
+      const auto length = static_cast<float>(std::min(stretch.length, static_cast<double>(Ray().t_max)));
       const Channels passed = stretch_transmittance(medium, stretch.length);
       double p = 1;
       if (!last || arrival == Arrival::surface)
