@@ -33,6 +33,17 @@ constexpr double kNoisy = 0.03;
 // And below which batches are the same.
 constexpr double kEqual = 1e-6;
 
+TestScene make_scene(const Shot& shot, const Claim& claim) {
+  TestScene scene;
+  auto files = shot.files;
+  files["scene.xml"] = "<scene version=\"3.0.0\"><integrator type=\"path\"/>" + shot.body + "</scene>";
+  scene.files = std::make_shared<statistical::MemorySource>(std::move(files));
+  scene.main_key = "scene.xml";
+  scene = statistical::read_scene(std::move(scene), shot.width, shot.height);
+  for (const auto& [key, value] : shot.settings) scene.from_scene[key] = value;
+  return statistical::with_integrator(std::move(scene), claim.integrator, claim.settings);
+}
+
 double mean_over(const Quantity& q, std::uint32_t width, const std::vector<double>& image) {
   double sum = 0;
   for (std::uint32_t y = q.y; y < q.y + q.height; ++y)
@@ -82,17 +93,6 @@ std::vector<double> render_batch(const TestScene& scene, const NamedState& state
 
 }  // namespace
 
-TestScene scene_of(const Shot& shot, const Claim& claim) {
-  TestScene scene;
-  auto files = shot.files;
-  files["scene.xml"] = "<scene version=\"3.0.0\"><integrator type=\"path\"/>" + shot.body + "</scene>";
-  scene.files = std::make_shared<statistical::MemorySource>(std::move(files));
-  scene.main_key = "scene.xml";
-  scene = statistical::read_scene(std::move(scene), shot.width, shot.height);
-  for (const auto& [key, value] : shot.settings) scene.from_scene[key] = value;
-  return statistical::with_integrator(std::move(scene), claim.integrator, claim.settings);
-}
-
 std::uint64_t Point::rejected() const {
   std::uint64_t sum = 0;
   for (const std::uint64_t n : sample_counts.rejected) sum += n;
@@ -113,7 +113,7 @@ Shot complete_shot(const Sweep& sweep, double value) {
 
 Runner::Stage Runner::render(double value, int stage, std::uint64_t iterations) const {
   const Shot shot = complete_shot(sweep_, value);
-  const TestScene scene = scene_of(shot, claim_);
+  const TestScene scene = make_scene(shot, claim_);
   const NamedState state =
       test::has_chains(claim_.integrator) ? NamedState{} : statistical::pilot_state(scene);
   Stage result;

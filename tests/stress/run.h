@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "common/film/film.h"
-#include "tests/statistical/harness.h"
 #include "tests/stress/sweep.h"
 #include "tests/stress/verdict.h"
 
@@ -60,8 +59,6 @@ class Runner {
   std::map<int, Stage> baseline_;  // by stage
 };
 
-// The scene of a shot with the claim's integrator and settings.
-statistical::TestScene scene_of(const Shot& shot, const Claim& claim);
 // The claim of an integrator; null where it makes none.
 const Claim* find_claim(const Sweep& sweep, const std::string& integrator);
 // Shot at a value; if the sweep names no quantities, the image and its quarters.

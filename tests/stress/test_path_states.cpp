@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tests/statistical/chain_driver.h"
+#include "tests/statistical/harness.h"
 #include "tests/stress/run.h"
 #include "tests/stress/scenes.h"
 
@@ -32,6 +33,18 @@ Sweep coincident() {
         1);
   };
   return sweep;
+}
+
+// As the runner makes it (run.cpp, whose text is in the digests of all proofs).
+statistical::TestScene scene_of(const Shot& shot, const Claim& claim) {
+  statistical::TestScene scene;
+  auto files = shot.files;
+  files["scene.xml"] = "<scene version=\"3.0.0\"><integrator type=\"path\"/>" + shot.body + "</scene>";
+  scene.files = std::make_shared<statistical::MemorySource>(std::move(files));
+  scene.main_key = "scene.xml";
+  scene = statistical::read_scene(std::move(scene), shot.width, shot.height);
+  for (const auto& [key, value] : shot.settings) scene.from_scene[key] = value;
+  return statistical::with_integrator(std::move(scene), claim.integrator, claim.settings);
 }
 
 std::vector<Claim> claims() {
