@@ -317,6 +317,40 @@ TEST(Media, UniformGridIsHomogeneous) {
   EXPECT_GT(result.adjusted_p, kAlpha) << result.worst;
 }
 
+// Claim: lamps inside of a dense medium and outside, of a surface or of none, light it as they light a grid
+// of the same medium, whose flights and shadow rays know nothing of clearances and of the roulette before
+// rays.
+TEST(Media, DenseMediaAreDenseGrids) {
+  const std::string file = test::volume_file({1, 1, 1}, 1, {1});
+  const auto ball = [](const std::string& z, const std::string& radius, const std::string& radiance) {
+    return R"(<shape type="sphere"><point name="center" x="0.1" y="0" z=")" + z +
+           R"("/><float name="radius" value=")" + radius +
+           R"("/><emitter type="area"><rgb name="radiance" value=")" + radiance + R"("/></emitter></shape>)";
+  };
+  const auto point = [](const std::string& z, const std::string& intensity) {
+    return R"(<emitter type="point"><point name="position" x="-0.1" y="0.1" z=")" + z +
+           R"("/><rgb name="intensity" value=")" + intensity + R"("/></emitter>)";
+  };
+  const std::string albedo = "0.95, 0.9, 0.8";
+  int number = 0;
+  for (const std::string& lamp : {point("-0.7", "9"), ball("-0.6", "0.2", "20"), ball("-3", "0.4", "30"),
+                                  point("-2", "5") + environment(0.5)}) {
+    const auto rendered = [&](const std::string& inside, std::uint64_t seed) {
+      return render_batches(
+          scene_with(kParallel + lamp + "<shape type=\"cube\">" + inside + "</shape>", 8, {{"v.vol", file}}),
+          seed, 12, 256);
+    };
+    std::vector<float> mean, error;
+    mean_of(rendered(medium("12, 12, 12", albedo, number % 2 == 0 ? "" : kForward), 61), mean, error);
+    const BlockTestResult result =
+        block_test(rendered(grid_medium(12, albedo, number % 2 == 0 ? "" : kForward), 91), mean, error, 8, 8,
+                   {8, 0.02, 0, {}});
+    EXPECT_GT(result.tested, 0U) << lamp;
+    EXPECT_GT(result.adjusted_p, kAlpha) << lamp << " " << result.worst;
+    ++number;
+  }
+}
+
 void expect_techniques_agree(const std::string& body, const std::vector<Vec2>& places) {
   const TestScene test = scene_with(body, 8, {{"v.vol", noise_file(1)}});
   const auto description = description::parse_scene(*test.files, "scene.xml", {});

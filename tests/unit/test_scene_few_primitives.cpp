@@ -1,5 +1,6 @@
 // Claims: without a tree, or with one for the meshes alone, a ray finds what brute force in double finds; no
-// ray passes between triangles with a common edge; thin triangles and crowds are left to the tree.
+// ray passes between triangles with a common edge; thin triangles and crowds are left to the tree; no ray
+// meets anything closer than the clearance.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -223,6 +224,65 @@ TEST(FewPrimitives, AreNeitherManyNorThin) {
   const auto few = FewPrimitives::build(flat);
   ASSERT_NE(few, nullptr);
   EXPECT_FALSE(few->occluded({{0.5f, 0, -1}, {0, 0, 1}}));
+}
+
+// Claims: no ray from a point meets anything within its clearance, in scenes of few primitives, of many, and
+// of instances; the bound is tight where flat triangles or spheres are nearest, and ends at the limit.
+TEST(FewPrimitives, LeaveTheClearanceEmpty) {
+  rng::Stream s(rng::key(1, 92));
+  for (const auto [triangles, round, instances] :
+       {std::array{40, 9, 0}, {0, 20, 0}, {400, 9, 0}, {400, 60, 0}, {40, 9, 3}, {400, 9, 3}}) {
+    Geometry geometry;
+    fill(geometry, triangles, round, 0.3f, {}, s);
+    if (instances > 0) {
+      const std::uint32_t group = geometry.begin_group();
+      fill(geometry, 30, 2, 0.1f, {}, s);
+      for (int i = 0; i < instances; ++i) {
+        const Vec3d by(random_point(s, 2));
+        geometry.add_instance(group, Transform({1, 0, 0, by.x, 0, 1, 0, by.y, 0, 0, 1, by.z, 0, 0, 0, 1}));
+      }
+    }
+    geometry.finish();
+    const auto accel = Accel::build(geometry, "avx2", 1);
+    ASSERT_TRUE(accel.ok());
+    double free = 0;
+    for (int i = 0; i < 300; ++i) {
+      const std::size_t disk = static_cast<std::size_t>(i) % geometry.disks.size();
+      const Vec3 p = i % 2 == 0 ? random_point(s, 2.5f)
+                                : Vec3(geometry.disks[disk].disk.center) + random_point(s, 0.05f);
+      const float clear = accel->clearance(p, 1e6f), limited = accel->clearance(p, 0.1f);
+      EXPECT_EQ(limited, std::min(clear, 0.1f));
+      free += static_cast<double>(clear);
+      if (clear < 1e-4f) continue;
+      for (int k = 0; k < 200; ++k)
+        EXPECT_FALSE(accel->occluded({p, uniform_direction(s), clear - 1e-5f})) << i << " " << triangles;
+    }
+    EXPECT_GT(free / 300, 0.02) << triangles << " " << round;
+  }
+  // A cube of triangles, with a sphere in its middle; more triangles far away bring the tree.
+  for (const bool tree : {false, true}) {
+    Geometry geometry;
+    Shape box;
+    for (int i = 0; i < 8; ++i)
+      box.positions.push_back({i & 1 ? 1.0f : -1.0f, i & 2 ? 1.0f : -1.0f, i & 4 ? 1.0f : -1.0f});
+    box.triangles = {{0, 1, 3}, {0, 3, 2}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
+                     {2, 3, 7}, {2, 7, 6}, {0, 2, 6}, {0, 6, 4}, {1, 3, 7}, {1, 7, 5}};
+    geometry.add(box, {});
+    Shape ball;
+    ball.sphere = Sphere{{0, 0, 0}, 0.5, random_axes(s), false};
+    geometry.add(ball, {});
+    if (tree) fill(geometry, 200, 0, 0.1f, {10, 0, 0}, s);
+    geometry.finish();
+    const auto accel = Accel::build(geometry, "avx2", 1);
+    ASSERT_TRUE(accel.ok());
+    EXPECT_EQ(accel->embree_scene() != nullptr, tree);
+    for (int i = 0; i < 200; ++i) {
+      const Vec3 p = random_point(s, 1);
+      const float walls = 1 - std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}),
+                  nearest = std::min(walls, std::abs(length(p) - 0.5f));
+      EXPECT_NEAR(accel->clearance(p, 10), nearest, 1e-5f) << p.x << " " << p.y << " " << p.z;
+    }
+  }
 }
 
 // A closed solid of triangles in random winding, seen from inside: rays at corners and along edges meet it.

@@ -39,6 +39,7 @@
 #include "worker/scene/emitters/lights.h"
 #include "worker/scene/scene.h"
 #include "worker/transport/between.h"
+#include "worker/transport/dense_medium.h"
 #include "worker/transport/draws.h"
 #include "worker/transport/letters/layer_sums.h"
 #include "worker/transport/roulette.h"
@@ -84,6 +85,7 @@ class PathTracer {
         weighs_(techniques.hit_light && techniques.next_event),
         power_(options.heuristic == transport::MisHeuristic::power),
         chooses_emitter_(transport::reads_emitter_choice(scene)),
+        lamps_are_surfaces_(!scene.features().any_delta_emitter),
         sampler_(sampler),
         sample_counts_(sample_counts),
         first_(first),
@@ -114,10 +116,6 @@ class PathTracer {
   static constexpr bool kGroups = std::is_same_v<SceneT, scene::Scene>;
   static constexpr scene::TransportMode kMode = scene::TransportMode::radiance;
   static constexpr scene::LightTechnique kChoice = scene::LightTechnique::adapted;
-  // Mean free paths in the scene's radius above which flights come before rays.
-  static constexpr float kSoon = 10;
-  // The error of positions as a part of the radius, over a cosine of 1/200.
-  static constexpr float kEndOfMedium = 0x1p-14f;
   enum class Flight : std::uint8_t { absorbed, scattered, arrived };
 
   float draw_1d(std::uint32_t which) { return sampler_.draw_1d(block_ + which, stratified_); }
@@ -127,12 +125,12 @@ class PathTracer {
   bool follow_stretch() {
     scene::SurfaceHit& hit = hits_[depth_ & 1];
     stratified_ = scatterings_ < transport::kStratifiedVertices;
-    ++rays_;
     if constexpr (kMedia) {
-      if (medium_ != scene::kNone && depth_ < options_.max_depth && scatters_soon(scene_.medium(medium_))) {
+      if (medium_ != scene::kNone && depth_ < options_.max_depth && in_dense_medium()) {
         if (const std::optional<bool> goes_on = fly_first(hit)) return *goes_on;
       }
     }
+    ++rays_;
     const bool found = scene_.intersect(ray_, hit);
     if constexpr (kMedia) {
       if (medium_ != scene::kNone) {
@@ -156,10 +154,8 @@ class PathTracer {
     return scatter(hit);
   }
 
-  bool scatters_soon(const scene::Medium& medium) const {
-    if (!medium.homogeneous()) return false;
-    const float lengths = medium.max_sigma_t().max_component() * scene_.features().radius;
-    return lengths > kSoon && lengths * kEndOfMedium < 1;
+  bool in_dense_medium() const {
+    return transport::is_dense(scene_.medium(medium_), scene_.features().radius);
   }
   // Draws the flight before the ray is traced, which need not be longer then, and scatters if there is no
   // surface on the way. Nothing: there may be one.
@@ -169,10 +165,10 @@ class PathTracer {
     if (!flight.scattered) return std::nullopt;
     // The medium ends before the next surface by its error over the cosine (inside_medium).
     Ray ray = ray_;
-    ray.t_max = std::min(ray.t_max, flight.distance + kEndOfMedium * scene_.features().radius);
-    if (scene_.intersect(ray, hit)) {
-      ++rays_;  // the whole one follows
-      return std::nullopt;
+    ray.t_max = std::min(ray.t_max, flight.distance + transport::kEndOfMedium * scene_.features().radius);
+    if (!(ray.t_max < ball_.clearance())) {
+      ++rays_;
+      if (scene_.intersect(ray, hit)) return std::nullopt;
     }
     throughput_ *= flight.weight;
     if (throughput_.is_black()) return false;
@@ -254,7 +250,18 @@ class PathTracer {
       first = scatterings_ == 1;
       if (first) sample_first(here, front_, eval_pdf, lit);
     }
-    if (!first && next_event_ && depth_ + 1 >= options_.min_edges) sample_light(here, front_, eval_pdf, lit);
+    const bool lights = !first && next_event_ && depth_ + 1 >= options_.min_edges;
+    if (in_dense_medium()) {
+      const scene::Medium& around = scene_.medium(medium_);
+      ball_.move(scene_, here.p, 1 / around.max_sigma_t().max_component());
+      if (lights) {
+        const Vec2 u = sampler_.draw_2d(block_ + transport::path_block::kTransmittance, false);
+        reach_ = transport::LightReach(around, ball_.clearance(), u, lamps_are_surfaces_);
+      }
+    }
+    if (lights && !(lamps_are_surfaces_ && reach_.ends_in_medium()))
+      sample_light(here, front_, eval_pdf, lit);
+    reach_ = {};
     if (!draw()) return false;
     previous_delta_ = false;
     if constexpr (kEdits) edits_->leave_medium();
@@ -312,7 +319,7 @@ class PathTracer {
     const Vec3 wi = hit.shading.to_world(next.wi);
     if constexpr (kLetters) letters_->scattered(hit, closure, -ray_.direction, wi, next.delta);
     ray_ = spawn_ray(hit, wi);
-    if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
+    if constexpr (kMedia) enter(hit);
     ++depth_;
     if constexpr (kFirst) {
       if (first) leave_first();
@@ -448,7 +455,7 @@ class PathTracer {
         stream = rng::Stream(rng::key(std::bit_cast<std::uint32_t>(u.x), std::bit_cast<std::uint32_t>(u.y)));
         through = scene_.medium_beyond(here, light.wi, through);
       }
-      value *= passing<kEdgeContent>(scene_, light.shadow_ray, through, stream, rays_);
+      value *= passing<kEdgeContent>(scene_, light.shadow_ray, through, stream, rays_, nullptr, &reach_);
     } else {
       ++rays_;
       if (scene_.occluded(light.shadow_ray)) value = {};
@@ -543,9 +550,15 @@ class PathTracer {
     ++sample_counts_.bounded_walks;
   }
 
+  // Leaves the surface along the ray's direction.
+  void enter(const scene::SurfaceHit& hit) {
+    medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
+    ball_.leave();
+  }
+
   // On through a surface that changes nothing but the throughput. False: the ray does not get on.
   bool pass_through(const scene::SurfaceHit& hit) {
-    if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
+    if constexpr (kMedia) enter(hit);
     ray_ = spawn_ray(hit, ray_.direction);
     return ++passes_ < transport::kMaxPasses;
   }
@@ -554,7 +567,7 @@ class PathTracer {
 
   const SceneT& scene_;
   const PathOptions& options_;
-  const bool hit_light_, next_event_, weighs_, power_, chooses_emitter_;
+  const bool hit_light_, next_event_, weighs_, power_, chooses_emitter_, lamps_are_surfaces_;
   SamplerT& sampler_;
   film::SampleCounts& sample_counts_;
   [[maybe_unused]] FirstT* const first_;
@@ -571,6 +584,9 @@ class PathTracer {
   std::uint32_t scatterings_ = 0;        // vertices so far that are not specular
   bool stratified_ = true;               // draws of the present vertex
   std::uint32_t medium_ = scene::kNone;  // that the ray is in
+  // In dense media: around the last vertex; of its next event estimation.
+  [[no_unique_address]] std::conditional_t<kMedia, transport::EmptyBall, transport::NoEmptyBall> ball_;
+  [[no_unique_address]] std::conditional_t<kMedia, transport::LightReach, transport::NoLightReach> reach_;
   std::uint64_t rays_ = 0;
   bool bounded_ = false;       // roulette ends it for its edges, and it is counted
   scene::SurfaceHit hits_[2];  // the edge's end and its start, in turn

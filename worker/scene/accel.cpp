@@ -19,6 +19,7 @@
 #include <utility>
 
 #include "common/base/work_monitor.h"
+#include "worker/scene/clearance.h"
 #include "worker/scene/few_primitives.h"
 #include "worker/scene/ties.h"
 
@@ -437,6 +438,11 @@ bool Accel::intersect_few(const Ray& ray, Found& found) const {
   if (impl_->ties != nullptr) [[unlikely]]
     impl_->ties->settle(ray, distance, found.kind, found.primitive);
   return true;
+}
+
+float Accel::clearance(Vec3 p, float limit) const {
+  if (impl_->few != nullptr) limit = impl_->few->clearance(p, limit);
+  return impl_->scene ? tree_clearance(impl_->scene.get(), *impl_->geometry, p, limit) : limit;
 }
 
 void* Accel::embree_scene() const {

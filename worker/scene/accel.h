@@ -34,6 +34,8 @@ class Accel {
   // meets nothing.
   bool intersect(const Ray& ray, Found& found) const;
   bool occluded(const Ray& ray) const;
+  // See Scene.
+  float clearance(Vec3 p, float limit) const;
 
   // The RTCScene, for measurements; null if few_primitives.h finds all. Round primitives that it finds beside
   // meshes are not in the RTCScene.

@@ -61,6 +61,11 @@ bool FewPrimitives::set_lane(const std::array<Vec3, 3>& corners, std::size_t lan
   constant = kUlp * (32 * constant + 8 * sums[2] + 8 * std::abs(shifts[2]));
   block.error_slope[lane] = static_cast<float>(slope);
   block.error_constant[lane] = static_cast<float>(constant);
+  const Vec3 middle((v0 + Vec3d(corners[1]) + Vec3d(corners[2])) / 3);
+  block.middle[0][lane] = middle.x;
+  block.middle[1][lane] = middle.y;
+  block.middle[2][lane] = middle.z;
+  for (const Vec3& corner : corners) block.reach[lane] = std::max(block.reach[lane], length(corner - middle));
   return slope + constant < 1e15 && longest > 1e-15;
 }
 
@@ -73,6 +78,8 @@ bool FewPrimitives::take_triangles(std::size_t count) {
   for (Lanes& lanes : empty.shift) lanes.fill(0);
   empty.error_slope.fill(0);
   empty.error_constant.fill(std::numeric_limits<float>::quiet_NaN());
+  for (Lanes& lanes : empty.middle) lanes.fill(std::numeric_limits<float>::quiet_NaN());
+  empty.reach.fill(0);
   blocks_.assign(blocks, empty);
   exact_.reserve(count);
   for (std::size_t i = 0; i < count; ++i) {
@@ -121,7 +128,8 @@ void FewPrimitives::add_round(PrimitiveKind kind, std::uint32_t primitive, const
     Balls& none = balls_.emplace_back();
     for (Lanes* lanes : {&none.center[0], &none.center[1], &none.center[2], &none.radius, &none.extent})
       lanes->fill(0);
-    none.radius_squared.fill(std::numeric_limits<float>::quiet_NaN());
+    for (Lanes* lanes : {&none.radius_squared, &none.hollow})
+      lanes->fill(std::numeric_limits<float>::quiet_NaN());
   }
   round_.push_back({kind, primitive});
   Balls& balls = balls_.back();
@@ -130,6 +138,7 @@ void FewPrimitives::add_round(PrimitiveKind kind, std::uint32_t primitive, const
   balls.center[2][lane] = static_cast<float>(center.z);
   balls.radius[lane] = static_cast<float>(radius);
   balls.radius_squared[lane] = static_cast<float>(radius * radius);
+  balls.hollow[lane] = kind == PrimitiveKind::sphere ? balls.radius[lane] : 0;
   balls.extent[lane] =
       static_cast<float>(std::abs(center.x) + std::abs(center.y) + std::abs(center.z) + radius);
 }
@@ -260,6 +269,35 @@ bool FewPrimitives::intersect(const Ray& ray, float& distance, PrimitiveKind& ki
 bool FewPrimitives::occluded(const Ray& ray) const {
   const auto end = static_cast<double>(ray.t_max);
   return for_each_met(ray, end, [&](PrimitiveKind, std::uint32_t, double t) { return t >= 0 && t < end; });
+}
+
+float FewPrimitives::clearance(Vec3 p, float limit) const {
+  const __m256 x = _mm256_set1_ps(p.x), y = _mm256_set1_ps(p.y), z = _mm256_set1_ps(p.z),
+               sign_bit = _mm256_set1_ps(-0.0f);
+  const auto from = [&](const std::array<Lanes, 3>& center) {
+    const __m256 fx = _mm256_sub_ps(x, _mm256_load_ps(center[0].data())),
+                 fy = _mm256_sub_ps(y, _mm256_load_ps(center[1].data())),
+                 fz = _mm256_sub_ps(z, _mm256_load_ps(center[2].data()));
+    return _mm256_sqrt_ps(_mm256_fmadd_ps(fx, fx, _mm256_fmadd_ps(fy, fy, _mm256_mul_ps(fz, fz))));
+  };
+  // Of what is no number and a number, _mm256_min_ps returns its second argument: empty lanes do not count.
+  __m256 least = _mm256_set1_ps(limit);
+  for (const Block& block : blocks_) {
+    const __m256 height = along(
+        block.rows[2], x, y,
+        _mm256_fmadd_ps(_mm256_load_ps(block.rows[2][2].data()), z, _mm256_load_ps(block.shift[2].data())));
+    const __m256 off = _mm256_sub_ps(from(block.middle), _mm256_load_ps(block.reach.data()));
+    least = _mm256_min_ps(_mm256_max_ps(_mm256_andnot_ps(sign_bit, height), off), least);
+  }
+  for (const Balls& balls : balls_) {
+    const __m256 away = from(balls.center);
+    least = _mm256_min_ps(_mm256_max_ps(_mm256_sub_ps(away, _mm256_load_ps(balls.radius.data())),
+                                        _mm256_sub_ps(_mm256_load_ps(balls.hollow.data()), away)),
+                          least);
+  }
+  alignas(32) Lanes lanes;
+  _mm256_store_ps(lanes.data(), least);
+  return std::max(0.0f, *std::min_element(lanes.begin(), lanes.end()));
 }
 
 }  // namespace candela::scene

@@ -32,6 +32,9 @@ class FewPrimitives {
   // Precondition: the ray is finite, its direction unit.
   bool intersect(const Ray& ray, float& distance, PrimitiveKind& kind, std::uint32_t& primitive) const;
   bool occluded(const Ray& ray) const;
+  // A lower bound, at most `limit`, of the distance from p to what it takes; wrong by a few roundings of
+  // coordinates. Not tight before edges of triangles, and around disks and cylinders.
+  float clearance(Vec3 p, float limit) const;
 
  private:
   static constexpr std::size_t kWidth = 8;
@@ -43,12 +46,15 @@ class FewPrimitives {
     std::array<std::array<Lanes, 3>, 3> rows;
     std::array<Lanes, 3> shift;
     Lanes error_slope, error_constant;
+    std::array<Lanes, 3> middle;  // with `reach`: a ball around the triangle
+    Lanes reach;
   };
   // Eight balls around round primitives. Lanes without one have no radius.
   struct alignas(32) Balls {
     std::array<Lanes, 3> center;
     Lanes radius, radius_squared;
     Lanes extent;  // the radius and the magnitudes of the center's coordinates
+    Lanes hollow;  // how close to the surface a place inside is at most: a sphere's radius; none: no number
   };
   struct Round {
     PrimitiveKind kind;

@@ -199,6 +199,13 @@ bool Scene::intersect(const Ray& ray, SurfaceHit& hit) const {
   return true;
 }
 
+float Scene::clearance(Vec3 p, float limit) const {
+  // What rounding takes: coordinates, and distances made of them, are wrong by a few 2^-24 of the size.
+  const float size =
+      impl_->features.largest_coordinate + std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+  return std::max(0.0f, impl_->accel->clearance(p, limit) - size * 0x1p-18f);
+}
+
 bool Scene::occluded(const Ray& ray) const {
   return impl_->accel->occluded(ray);
 }

@@ -49,6 +49,9 @@ class Scene {
   // The nearest surface; false: the ray leaves the scene.
   bool intersect(const Ray& ray, SurfaceHit& hit) const;
   bool occluded(const Ray& ray) const;
+  // A lower bound, at most `limit`, of the distance from p to the nearest surface. No ray of a length below
+  // it meets anything. Precondition: p is finite.
+  float clearance(Vec3 p, float limit) const;
 
   // The bsdf at a hit, textures looked up, for a walk that arrived against `wo` (in the shading frame,
   // towards where it came from). Parts of composite bsdfs are in the arena, which the caller clears between

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <type_traits>
 
 #include "common/rng/stream.h"
 #include "worker/scene/scene.h"
@@ -37,12 +38,19 @@ inline Ray inside_medium(const Ray& ray, const scene::SurfaceHit* end) {
   return {ray.origin, ray.direction, std::max(0.0f, end->distance - end->error / cosine)};
 }
 
+// In place of a LightReach (dense_medium.h): light passes as far as the medium lets it.
+struct NoLightReach {};
+
 // The fraction of light that gets along a shadow ray, from `medium`. Straight passes are taken in their
 // expectation; media in closed form or by an unbiased estimate from the stream. `survival`, where asked for,
-// is multiplied by what stretch_survival says of each stretch.
-template <EdgeContent kEdgeContent, class SceneT>
+// is multiplied by what stretch_survival says of each stretch. reach: of the first stretch.
+template <EdgeContent kEdgeContent, class SceneT, class Reach = NoLightReach>
 Spectrum passing(const SceneT& scene, Ray ray, std::uint32_t medium, rng::Stream stream, std::uint64_t& rays,
-                 double* survival = nullptr) {
+                 double* survival = nullptr, const Reach* reach = nullptr) {
+  constexpr bool kEnds = !std::is_same_v<Reach, NoLightReach>;
+  if constexpr (kEnds) {
+    if (reach->ends_in_medium() && reach->distance() < ray.t_max) return {};
+  }
   Spectrum fraction(1.0f);
   // A ray that ends somewhere is aimed at its end anew behind each surface: the offsets from those surfaces
   // add up, and must not carry it into the light.
@@ -51,7 +59,17 @@ Spectrum passing(const SceneT& scene, Ray ray, std::uint32_t medium, rng::Stream
   for (std::uint32_t passes = 0; passes < kMaxPasses; ++passes) {
     scene::SurfaceHit hit;
     ++rays;
-    const bool found = scene.intersect(ray, hit);
+    Ray part = ray;
+    if constexpr (kEnds) {
+      if (passes == 0) part.t_max = std::min(ray.t_max, reach->distance());
+    }
+    const bool found = scene.intersect(part, hit);
+    if constexpr (kEnds) {
+      if (passes == 0) {
+        if (!found && part.t_max < ray.t_max) return {};
+        fraction *= static_cast<float>(1 / reach->prob(found ? hit.distance : ray.t_max));
+      }
+    }
     if (found) {
       fraction *= scene.passthrough(hit, -ray.direction);
       if (fraction.is_black()) return {};
