@@ -6,7 +6,7 @@ namespace candela::stats {
 
 ErrorContext context_of(const SettingsMap& settings, std::string_view plan) {
   constexpr double kAdaptive = 2.0 / 3;
-  constexpr double kOfPhotons = 4, kOfBalancedRadii = 2.2, kOfKeptRadii = 9;
+  constexpr double kOfPhotons = 4, kOfBalancedRadii = 3, kOfKeptRadii = 9;
   constexpr double kWithConnections = 1.0 / 3, kConnectionsOfKeptRadii = 1;
   if (!settings.contains("radius")) return {};  // what merges has one
   const auto has = [&](std::string_view words) { return plan.find(words) != std::string_view::npos; };

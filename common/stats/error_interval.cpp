@@ -243,6 +243,27 @@ Blur blur_of(const Movement::Bias& bias, const Row& weights, const Row& sizes) {
   return {sum / values, std::sqrt(variance) / values};
 }
 
+// The mean of two independent estimates of the bias, by their precision. Empty ones do not count.
+Movement::Bias combined(const Movement::Bias& measured, const Movement::Bias& moved, const Row& weights) {
+  if (moved.a.empty()) return measured;
+  const auto noise_of = [&](const Movement::Bias& bias) {
+    double sum = 0;
+    for (std::size_t i = 0; i < weights.size(); ++i) {
+      const double d = double{bias.a[i]} - bias.b[i];
+      sum += d * d * weights[i];
+    }
+    return sum;
+  };
+  const double noise = noise_of(measured), other = noise_of(moved);
+  const double share = noise + other > 0 ? other / (noise + other) : 1;
+  Movement::Bias bias = measured;
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    bias.a[i] = static_cast<float>(share * measured.a[i] + (1 - share) * moved.a[i]);
+    bias.b[i] = static_cast<float>(share * measured.b[i] + (1 - share) * moved.b[i]);
+  }
+  return bias;
+}
+
 struct Posterior {
   double mean = 0, upper = 0;  // `upper`: exceeded with probability `tail`
 };
@@ -458,10 +479,10 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
   Movement::Bias bias;
   const bool measured =
       context.alpha < 1 && context.measured != nullptr && context.measured->a.size() == block_values;
-  if (measured)
-    bias = *context.measured;
-  else if (context.alpha < 1 && context.movement != nullptr)
-    bias = context.movement->bias(blocks, context.alpha);
+  if (context.alpha < 1 && context.movement != nullptr) bias = context.movement->bias(blocks, context.alpha);
+  // The movement does not show light that leaks and stays, but bias of radii that follow their photons.
+  const Movement::Bias all = measured ? combined(*context.measured, bias, weights) : bias;
+  if (measured) bias = *context.measured;
   const double tail = measured ? kTailOfMeasuredBias : kTailOfBias;
   const double unseen = measured ? kUnseenByPhotons : halves.chains ? kUnseenByChains : kUnseen;
   result.unseen = unseen * result.noise;
@@ -473,7 +494,7 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
   Posterior blur;
   const double expected = context.expected_bias * result.noise;
   if (!bias.a.empty())
-    blur = posterior_of(blur_of(bias, weights, sizes), expected, tail);
+    blur = posterior_of(blur_of(all, weights, sizes), expected, tail);
   else if (context.alpha < 1 && context.movement != nullptr && std::min(blocks.n0, blocks.n1) >= kKnown)
     blur = posterior_of({0, kUnknown * expected}, expected, tail);
   result.blur = blur.mean;

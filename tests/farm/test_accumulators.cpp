@@ -169,14 +169,15 @@ class AccumulatorFarm : public testing::Test {
     SCOPED_TRACE(job.kind->name + ", " + job.id);
     const v1::JobStatus status = farm.wait_for(job.id, v1::JOB_STATE_DONE);
     ASSERT_EQ(status.iterations(), iterations);
-    expect_checkpoint(farm.folder() / "data" / "jobs" / job.id /
-                          fmt::format("film.{}.ckpt", status.checkpoint_generation()),
-                      truth(*job.kind, iterations));
+    const fs::path file = farm.folder() / "data" / "jobs" / job.id /
+                          fmt::format("film.{}.ckpt", status.checkpoint_generation());
+    expect_checkpoint(file, truth(*job.kind, iterations));
     farm.audit(job.id, iterations);
-    check_error(job, truth(*job.kind, iterations));
+    check_error(job, file, truth(*job.kind, iterations));
   }
-  // If photons measure their bias, `show` has the error that follows from these sums and the film.
-  void check_error(const Job& job, const LocalJob& local) {
+  // If photons measure their bias, `show` has the error that follows from these sums and the film; the
+  // movement is the checkpoint's, as it needs each unit.
+  void check_error(const Job& job, const fs::path& checkpoint, const LocalJob& local) {
     std::array<const film::MergedAccumulator*, 2> inner{};
     for (std::uint32_t i = 0; i < local.work.accumulators.size(); ++i)
       if (local.work.accumulators[i].name == stats::kInnerMerges)
@@ -186,6 +187,13 @@ class AccumulatorFarm : public testing::Test {
                                                double(local.film.merged(1).count()));
     stats::ErrorContext context =
         stats::context_of(job.kind->settings.integrator_settings, farm.job(job.id).plan());
+    const auto bytes = read_file(checkpoint, 1 << 28);
+    ASSERT_TRUE(bytes.ok()) << bytes.error().to_string();
+    const auto kept =
+        master::parse_checkpoint(*bytes, {0, local.work.accumulators, local.work.epochs, context.alpha});
+    ASSERT_TRUE(kept.ok()) << kept.error().to_string();
+    const stats::Movement movement = kept->movement.movement(local.film);
+    context.movement = &movement;
     context.measured = &measured;
     const stats::ErrorInterval error = stats::error_interval(stats::halves_of(local.film, {}), context);
     EXPECT_GT(error.blur, 0.1 * error.noise) << "or the lines below prove little";
