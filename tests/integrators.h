@@ -24,7 +24,7 @@ struct IntegratorRow {
   bool epochs = false;  // radii or steps are decided between epochs; `small` then has short ones
   // Iterations of a job on the farm that takes as long as one of path's with 1.
   double farm_share = 1;
-  // It renders media, and layers by expressions; without them it is in no test that has some among others.
+  // It renders media of all kinds, and takes edits; without them it is in no test that has some among others.
   bool everything = true;
   // Settings for which a few pixels are a small job.
   std::vector<std::pair<std::string, std::string>> small = {};

@@ -114,7 +114,7 @@ TEST_P(ExactnessOf, FilmDependsOnTheJobAlone) {
 }
 
 TEST_P(ExactnessOf, FilmOfMediaDependsOnTheJobAlone) {
-  if (!test::integrator_row(GetParam()).everything) GTEST_SKIP() << "renders no media";
+  if (!test::integrator_row(GetParam()).everything) GTEST_SKIP() << "renders no grids";
   TestScene scene = scene_from_xml(kScene, 70, 45);
   rng::Stream stream(4);
   std::vector<float> values;
