@@ -233,10 +233,8 @@ class IterationEstimator final : public RenderEstimator {
     film::Development out;
     if (!plan_) return out;
     const auto sums = [&](std::string_view name, std::uint32_t half) { return sums_of(name, half); };
-    DevelopmentInput input{*plan_, {}, merged_->layout().width, merged_->layout().height, sums};
-    if (!epochs_.states().empty()) input.carry = &epochs_.carry();
-    input.open = epochs_.open_sums();
-    CANDELA_ASSIGN(Corrections corrections, correct(std::move(input)));
+    const DevelopmentInput input{*plan_, {}, merged_->layout().width, merged_->layout().height, sums};
+    CANDELA_ASSIGN(Corrections corrections, correct(input));
     for (std::size_t half = 0; half < 2; ++half)
       if (!corrections[half].empty())
         out.corrections[half] = std::make_shared<const std::vector<float>>(std::move(corrections[half]));

@@ -17,6 +17,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "worker/transport/path/full_path.h"
@@ -137,7 +138,8 @@ class Evaluation {
   Scaled walk_density(bool from_light, std::size_t count) const;
   enum class Arrival : std::uint8_t { surface, medium, lens };
   Scaled fly(bool from_light, std::size_t edge, Arrival arrival, bool expects_passes,
-             std::array<double, 3>& color) const;
+             std::array<double, 3>& color,
+             double longest = std::numeric_limits<double>::infinity()) const;
   Vec3d place(std::size_t i) const;
 
   const scene::Scene& scene_;

@@ -57,9 +57,10 @@ std::array<Scaled, 3> Evaluation::contribution() const {
 }
 
 // The density of the flight along an edge, and of passing its surfaces straight. color: of what the walk
-// carries, which chooses the channel of a flight; on return that behind the edge.
-Scaled Evaluation::fly(bool from_light, std::size_t i, Arrival arrival, bool expects_passes,
-                       Channels& color) const {
+// carries, which chooses the channel of a flight; on return that behind the edge. No flight is longer than
+// `longest`.
+Scaled Evaluation::fly(bool from_light, std::size_t i, Arrival arrival, bool expects_passes, Channels& color,
+                       double longest) const {
   const Edge& edge = edges_[i];
   const std::size_t count = edge.stretches.size();
   Scaled density = 1;
@@ -68,7 +69,7 @@ Scaled Evaluation::fly(bool from_light, std::size_t i, Arrival arrival, bool exp
     const Stretch& stretch = edge.stretches[from_light ? j : count - 1 - j];
     if (stretch.medium != scene::kNone && scene_.medium(stretch.medium).homogeneous()) {
       const scene::Medium& medium = scene_.medium(stretch.medium);
-      const auto length = static_cast<float>(std::min(stretch.length, static_cast<double>(Ray().t_max)));
+      const auto length = static_cast<float>(std::min(stretch.length, longest));
       const Channels passed = stretch_transmittance(medium, stretch.length);
       double p = 1;
       if (!last || arrival == Arrival::surface)
@@ -99,7 +100,8 @@ Scaled Evaluation::step_density(bool from_light, std::size_t v) const {
   Scaled density = leaves;
   const Arrival arrival = n.in_medium[v] ? Arrival::medium : v == n.edges ? Arrival::lens : Arrival::surface;
   Channels white{1, 1, 1};
-  density *= fly(from_light, edge, arrival, false, white);
+  // A mutation's walk flies through all of a medium without an end.
+  density *= fly(from_light, edge, arrival, false, white, static_cast<double>(Ray().t_max));
   if (!n.in_medium[v]) density *= from_light ? n.factor_to_light[v] : n.factor_to_eye[v];
   return density / n.distance_squared[edge];
 }
