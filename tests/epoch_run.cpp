@@ -78,15 +78,6 @@ EpochRun::OpenEpoch& EpochRun::open_epoch(std::uint64_t epoch) {
   return open;
 }
 
-std::vector<std::vector<const film::MergedAccumulator*>> EpochRun::open_sums() const {
-  std::vector<std::vector<const film::MergedAccumulator*>> all;
-  for (const auto& [epoch, open] : open_) {
-    auto& of_epoch = all.emplace_back();
-    for (const film::MergedAccumulator& sums : open.sums) of_epoch.push_back(&sums);
-  }
-  return all;
-}
-
 Result<void> EpochRun::decide_next() {
   const std::uint64_t epoch = states_.size();
   DecisionInput input{*plan_, epoch, layout_.width, layout_.height, {}, {}};

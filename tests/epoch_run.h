@@ -49,8 +49,6 @@ class EpochRun {
   // States of epochs 0, 1, ..., as far as they are decided.
   const std::deque<std::string>& states() const { return states_; }
   const Carry& carry() const { return carry_; }
-  // Sums of epochs that no decision has folded, in order, sums by place as in Carry::sums. Valid until add().
-  std::vector<std::vector<const film::MergedAccumulator*>> open_sums() const;
   // Note of the rule on the last state; empty if there is none, or nothing to tell.
   Result<StateReport> describe(bool with_layers) const;
 

@@ -98,7 +98,7 @@ double light_angle_by_constraint(const Chain& chain, std::size_t index) {
   const Vec3d i = chain.to_light(index), o = chain.to_sensor(index);
   const Vec3d h = normalize(i + o * v.eta);
   const double along_i = dot(i, h), cosine = std::abs(dot(h, v.n));
-  // [Walter 2007, Eq. 17; Kaplanyan 2017, Eq. 7.7] with the ends exchanged, and without the cosine of i.
+  // [Walter 2007, Eq. 17], [Kaplanyan 2017, Eq. 7.7] with the ends exchanged, and without the cosine of i.
   const double both = along_i + v.eta * dot(o, h);
   return both * both / std::abs(along_i) * (cosine * cosine * cosine);
 }

@@ -138,8 +138,7 @@ class Evaluation {
   Scaled walk_density(bool from_light, std::size_t count) const;
   enum class Arrival : std::uint8_t { surface, medium, lens };
   Scaled fly(bool from_light, std::size_t edge, Arrival arrival, bool expects_passes,
-             std::array<double, 3>& color,
-             double longest = std::numeric_limits<double>::infinity()) const;
+             std::array<double, 3>& color, double longest = std::numeric_limits<double>::infinity()) const;
   Vec3d place(std::size_t i) const;
 
   const scene::Scene& scene_;
