@@ -57,7 +57,7 @@ bool finite(const std::vector<double>& image) {
   return std::ranges::all_of(image, [](double x) { return std::isfinite(x); });
 }
 
-// Those that bring vertices, slopes and lobes to their limits are gone through whole.
+// These sweeps bring vertices, slopes and lobes to their limits: the test takes all of their values.
 bool hard_for_paths(const std::string& name) {
   const std::vector<std::string> some = {"rough-mirror",   "rough-mirror-ggx", "rough-glass", "grazing-glass",
                                          "critical-angle", "offset",           "coincident"};

@@ -42,19 +42,13 @@
 #include "worker/transport/dense_medium.h"
 #include "worker/transport/draws.h"
 #include "worker/transport/letters/layer_sums.h"
+#include "worker/transport/pair_weight.h"
 #include "worker/transport/roulette.h"
 #include "worker/transport/scattering.h"
 #include "worker/transport/technique/contribution.h"
 #include "worker/transport/technique/mollify.h"
 
 namespace candela::estimators {
-
-// The MIS weight of a technique with density p against one of density q, as a ratio so that it neither over-
-// nor underflows. [Veach 1997, Eq. 9.8 (balance) and 9.13 (power, beta = 2)]
-inline float mis_weight(float p, float q, bool power) {
-  const float ratio = q / p;
-  return 1.0f / (1.0f + (power ? ratio * ratio : ratio));
-}
 
 struct Mollification {
   transport::Mollifier by;
@@ -253,11 +247,10 @@ class PathTracer {
     const bool lights = !first && next_event_ && depth_ + 1 >= options_.min_edges;
     if (in_dense_medium()) {
       const scene::Medium& around = scene_.medium(medium_);
-      ball_.move(scene_, here.p, 1 / around.max_sigma_t().max_component());
-      if (lights) {
-        const Vec2 u = sampler_.draw_2d(block_ + transport::path_block::kTransmittance, false);
-        reach_ = transport::LightReach(around, ball_.clearance(), u, lamps_are_surfaces_);
-      }
+      ball_.move(scene_, here.p, around);
+      constexpr auto kWhich = transport::path_block::kTransmittance;
+      if (lights)
+        reach_ = {around, ball_.clearance(), sampler_.draw_2d(block_ + kWhich, false), lamps_are_surfaces_};
     }
     if (lights && !(lamps_are_surfaces_ && reach_.ends_in_medium()))
       sample_light(here, front_, eval_pdf, lit);
@@ -438,7 +431,8 @@ class PathTracer {
     pass_to_light(here, light, block, value);
     if (value.is_black()) return;
     float weight = 1 / light.pdf_solid_angle;
-    if (weighs_ && !light.delta) weight *= mis_weight(light.pdf_solid_angle, pdf_solid_angle, power_);
+    if (weighs_ && !light.delta)
+      weight *= transport::mis_weight(light.pdf_solid_angle, pdf_solid_angle, power_);
     sum_ += throughput_ * value * light.radiance * weight;
     if constexpr (kLetters) lit(light);
   }
@@ -483,7 +477,7 @@ class PathTracer {
     }
     float weight = 1;
     if (weighs_ && !previous_delta_)
-      weight = mis_weight(previous_pdf_solid_angle_, pdf_environment_solid_angle(), power_);
+      weight = transport::mis_weight(previous_pdf_solid_angle_, pdf_environment_solid_angle(), power_);
     sum_ += throughput_ * arriving * weight;
     if constexpr (kLetters) letters_->met_outside(sum_, ray_.direction);
   }
@@ -505,7 +499,7 @@ class PathTracer {
     }
     float weight = 1;
     if (weighs_ && !previous_delta_)
-      weight = mis_weight(previous_pdf_solid_angle_, pdf_light_solid_angle(hit), power_);
+      weight = transport::mis_weight(previous_pdf_solid_angle_, pdf_light_solid_angle(hit), power_);
     sum_ += throughput_ * emitted * weight;
     if constexpr (kLetters) letters_->met(sum_, hit.emitter);
   }
@@ -578,8 +572,7 @@ class PathTracer {
   Ray ray_;
   Spectrum sum_;
   Spectrum throughput_{1.0f};  // scattering values times cosines over densities, along the path so far
-  float eta_scale_ =
-      1;  // squared relative index since the camera: undoes radiance's 1/eta^2 for the roulette
+  float eta_scale_ = 1;  // squared relative index since the camera: the roulette undoes radiance's 1/eta^2
   std::uint32_t depth_ = 1, block_ = transport::kEyeDimensions, passes_ = 0;
   std::uint32_t scatterings_ = 0;        // vertices so far that are not specular
   bool stratified_ = true;               // draws of the present vertex

@@ -280,7 +280,7 @@ float FewPrimitives::clearance(Vec3 p, float limit) const {
                  fz = _mm256_sub_ps(z, _mm256_load_ps(center[2].data()));
     return _mm256_sqrt_ps(_mm256_fmadd_ps(fx, fx, _mm256_fmadd_ps(fy, fy, _mm256_mul_ps(fz, fz))));
   };
-  // Of what is no number and a number, _mm256_min_ps returns its second argument: empty lanes do not count.
+  // _mm256_min_ps returns its second argument if one is not a number, so that empty lanes do not count.
   __m256 least = _mm256_set1_ps(limit);
   for (const Block& block : blocks_) {
     const __m256 height = along(

@@ -200,7 +200,7 @@ bool Scene::intersect(const Ray& ray, SurfaceHit& hit) const {
 }
 
 float Scene::clearance(Vec3 p, float limit) const {
-  // What rounding takes: coordinates, and distances made of them, are wrong by a few 2^-24 of the size.
+  // The margin covers rounding: coordinates and distances are wrong by a few 2^-24 of the scene's size.
   const float size =
       impl_->features.largest_coordinate + std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
   return std::max(0.0f, impl_->accel->clearance(p, limit) - size * 0x1p-18f);

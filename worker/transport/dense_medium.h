@@ -35,9 +35,10 @@ class EmptyBall {
  public:
   // No surface is closer to the walk than this.
   float clearance() const { return clearance_; }
-  // The walk is at p, in a medium of this mean free path. A new ball is looked for when the old one may be
-  // left soon, and not so often where surfaces are near.
-  void move(const scene::Scene& scene, Vec3 p, float mean_free_path) {
+  // The walk is at p, in `medium`. A new ball is looked for when the old one may be left soon, and not so
+  // often where surfaces are near.
+  void move(const scene::Scene& scene, Vec3 p, const scene::Medium& medium) {
+    const float mean_free_path = 1 / medium.max_sigma_t().max_component();
     clearance_ = radius_ - length(p - center_);
     if (clearance_ > kFew * mean_free_path) return;
     if (wait_ > 0) {
@@ -64,7 +65,7 @@ class EmptyBall {
   std::uint32_t wait_ = kWait;
 };
 
-// How far light may come through the medium around a vertex before the roulette ends it.
+// The distance through the medium around a vertex at which the roulette ends light.
 class LightReach {
  public:
   LightReach() = default;  // without an end

@@ -10,7 +10,8 @@
 // The states of chains are paths, and mutations those of mlt (mcmc/path_space.h). Against [Cline 2005]: e_d
 // is not b, and nothing is filtered. The pilot decides noise and work alone: any e_d and M give the same
 // mean. No normalization is pooled, and no chain goes on to another iteration.
-// The erpt integrator: settings, plan, and a unit's seeds (mcmc/redistribution.h).
+//
+// This file has the settings, the plan, and a unit's seeds.
 #include <fmt/format.h>
 
 #include <algorithm>

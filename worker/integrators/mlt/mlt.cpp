@@ -1,6 +1,6 @@
 // Metropolis light transport in path space [Veach 1997, ch. 11]: the states of the chains are paths, and
 // mutations change a part of a path.
-// The mlt integrator: settings, plan, and the space of paths that its chains walk over (mcmc/path_space.h).
+// This file has the settings, the plan, and the space of paths that the chains walk over (mcmc/path_space.h).
 #include <fmt/format.h>
 
 #include <algorithm>
