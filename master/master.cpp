@@ -75,7 +75,7 @@ class MasterImpl final : public Master {
     builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 30000);
     // An answer to a ping waits behind what a slow link has to carry: 64 KiB and more.
     builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 60000);
-    // Who measures a slow link sends pings, and is no attacker: no number of them ends a connection.
+    // Pings measure slow links and are no attack: no number of them ends a connection.
     builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PING_STRIKES, 0);
     // A connection that does not get as far as a call. Over the slowest link TLS takes a few seconds.
     builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, 30000);
@@ -139,7 +139,7 @@ class MasterImpl final : public Master {
     const auto published = o.publish_token ? wire::published_token_file(address) : std::nullopt;
     Result<void> written;
     if (published) written = wire::publish_token(token_, *published);
-    // Nobody looks for a port again that the system chose.
+    // A port that the system chose is not used again.
     if (published && written.ok() && any_port) passing_token_file_ = *published;
     if (published && written.ok())
       return log::info(

@@ -1,4 +1,4 @@
-// Where `candela inspect falsecolor` has its EXR from: a file, a job of a farm, or a scene that is rendered
+// The source of the EXR of `candela inspect falsecolor`: a file, a job of a farm, or a scene that is rendered
 // for it, here or on a farm.
 #pragma once
 

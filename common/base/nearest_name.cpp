@@ -41,7 +41,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 }
 
 std::string_view nearest_name(std::string_view name, std::span<const std::string_view> known) {
-  // Nobody mistypes a name this long; the bound keeps hostile input cheap.
+  // A name this long is no typing error; the bound keeps hostile input cheap.
   constexpr std::size_t max_length = 256;
   if (name.size() > max_length) return {};
   const std::string folded = lower(name);

@@ -50,8 +50,8 @@ Result<void> validate(const DevelopmentPlan& plan) {
   return validate_constants("development.constants", plan.constants);
 }
 
-// Who reads one of these accumulators asks for it by its name, and knows its domain. Rules and developments
-// check the domains of all others themselves.
+// Readers of these accumulators ask for them by name, and know their domains. Rules and developments check
+// the domains of all others themselves.
 bool known_domain(const film::AccumulatorSpec& spec) {
   using Domain = film::AccumulatorSpec::Domain;
   if (spec.name == light_visibility::kCounts) return spec.domain != Domain::keys;

@@ -1,5 +1,5 @@
-// Who listens on a port of this machine. Whoever binds a master's port while the master is away would be
-// sent its token, and scenes.
+// The user that listens on a port of this machine. Another user who binds a master's port while the master
+// is away would be sent its token, and scenes.
 #pragma once
 
 #include <sys/types.h>

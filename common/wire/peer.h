@@ -1,5 +1,5 @@
-// Who is at the other end of a connection, for limits of one client: the address without the port, and of
-// this machine's own addresses the user, since all of its users have them.
+// The client at the other end of a connection, for limits of one client: the address without the port, and
+// the user if the address is this machine's, since all of its users have it.
 #pragma once
 
 #include <sys/socket.h>

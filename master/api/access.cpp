@@ -88,7 +88,7 @@ Caller Access::caller(const grpc::ServerContext& context) const {
   if (!peer || !peer->IsPeerAuthenticated()) return caller;
   for (const grpc::string_ref& name : peer->FindPropertyValues(GRPC_X509_CN_PROPERTY_NAME))
     caller.name = std::string(name.data(), name.size());
-  // Who has no name, or one that no message can carry, is nobody: jobs could not be told apart.
+  // Without a name that a message can carry a caller is refused: jobs could not be told apart.
   if (caller.name.empty() || caller.name.size() > kMaxNameBytes || !is_utf8(caller.name)) return {};
   for (const grpc::string_ref& uri : peer->FindPropertyValues(GRPC_PEER_URI_PROPERTY_NAME))
     wire::add_role_of_uri(caller.roles, {uri.data(), uri.size()});

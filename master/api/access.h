@@ -1,4 +1,5 @@
-// Who may call what: one table of all calls, and the one place that asks it (guarded_services.h).
+// One table of all calls and the roles that may make them, and the one place that asks it
+// (guarded_services.h).
 // docs/decisions/077-roles.md
 #pragma once
 
@@ -16,7 +17,7 @@
 
 namespace candela::master {
 
-// Who a call comes from.
+// The maker of a call.
 struct Caller {
   std::string name;  // of the certificate; empty without TLS, where a caller has a token or has no role
   wire::Roles roles;

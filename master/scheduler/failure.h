@@ -52,7 +52,7 @@ struct Consequence {
 };
 Consequence consequence(const FailureHistory& history, const FailurePolicy& policy);
 
-// Who has failed at a unit by cause worker. Workers of one name on one host are one: a worker that was
+// Failures of a unit by cause worker. Workers of one name on one host count as one: a worker that was
 // started again is not another witness.
 struct Evidence {
   double failures = 0;      // a lease lost with a silent worker counts half: it may have been preempted

@@ -1,5 +1,5 @@
-// Who renders what: leases with fencing tokens, units cut to size, priorities and fair shares, failures, stop
-// rules.
+// Leases of units to workers, with fencing tokens: units cut to size, priorities and fair shares, failures,
+// stop rules.
 //
 // Pure logic: no I/O, no threads, no clock of its own. Every call is told the time; the caller holds one lock
 // around all calls. What is to be remembered comes out as changes for the store, in order (take_changes()).

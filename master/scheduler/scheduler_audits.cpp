@@ -351,7 +351,7 @@ void Scheduler::tick_audit(Job& job, UnitState& unit, const std::set<std::string
     audit.again = !others || now.seconds > audit.since + audit.patience;
     return;
   }
-  // Nobody else can look at it: the word of those who brought the same stands.
+  // No other worker can render it: the answers so far decide.
   if (!others && !audit.answers.empty() && unit.leases.empty()) conclude(job, unit, now);
 }
 

@@ -193,7 +193,7 @@ struct WorkerRow {
 };
 
 // A worker whose samples were found false.
-// Who brought merged units, by identity (audit.h), the deliverer first, and the id by which it delivered.
+// Makers of merged units, by identity (audit.h), the deliverer first, and the id by which it delivered.
 struct MakerRow {
   std::string worker_id;
   std::vector<std::string> by;

@@ -10,7 +10,7 @@ namespace candela::transport {
 // The labels of merges at a vertex of an eye path, or along an edge, if somebody asks for them.
 class MergeLetters {
  public:
-  // Nobody if null.
+  // Null: no letters are read.
   explicit MergeLetters(EyeLetters* eye = nullptr) : eye_(eye) {}
   bool any() const { return eye_ != nullptr; }
   // The path is at the vertex, or on the edge.
