@@ -11,6 +11,7 @@
 #include <cstring>
 
 #include "common/base/descriptor.h"
+#include "common/base/huge_page_advice.h"
 #include "common/base/links.h"
 
 namespace candela {
@@ -130,6 +131,7 @@ Result<std::shared_ptr<const MappedFile>> MappedFile::open(const std::filesystem
     if (data == MAP_FAILED) return system_error("cannot map", path);
     file->data_ = static_cast<const char*>(data);
     file->size_ = size;
+    if (copied) advise_huge_pages(data, size);
     if (copied) CANDELA_TRY(read_all(fd.get(), static_cast<char*>(data), size, path));
   }
   return std::shared_ptr<const MappedFile>(std::move(file));

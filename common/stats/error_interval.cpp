@@ -37,19 +37,28 @@ using Row = std::vector<double>;
 // Rows of both halves around the present one.
 class Rows {
  public:
-  explicit Rows(const Halves& halves)
-      : halves_(halves), values_(std::size_t{halves.width} * film::kChannels) {
+  // factor: of squared differences, the noise of the image.
+  Rows(const Halves& halves, double factor)
+      : halves_(halves), factor_(factor), values_(std::size_t{halves.width} * film::kChannels) {
     for (auto& slot : slots_)
-      for (Row* row : {&slot.a, &slot.b, &slot.scaled}) row->resize(values_);
+      for (Row* row : {&slot.a, &slot.b, &slot.scaled, &slot.product, &slot.noise, &slot.lesser})
+        row->resize(values_);
   }
   struct Slot {
     Row a, b, scaled;
+    Row product, noise, lesser;  // a * b, (a - b)^2 * factor, min(a, b)
   };
   // Makes rows [y - kReach, y + kReach] of the image available. To be called for y = 0, 1, 2 ...
   void move_to(std::uint32_t y) {
     for (; next_ < halves_.height && next_ <= y + kReach; ++next_) {
       Slot& slot = slots_[next_ % slots_.size()];
       halves_.row(next_, slot.a, slot.b, slot.scaled);
+      for (std::size_t i = 0; i < values_; ++i) {
+        const double a = slot.a[i], b = slot.b[i], d = a - b;
+        slot.product[i] = a * b;
+        slot.noise[i] = d * d * factor_;
+        slot.lesser[i] = std::min(a, b);
+      }
     }
   }
   const Slot& row(std::uint32_t y) const { return slots_[y % slots_.size()]; }
@@ -57,9 +66,35 @@ class Rows {
 
  private:
   const Halves& halves_;
+  double factor_;
   std::size_t values_;
   std::uint32_t next_ = 0;
   std::array<Slot, 2 * kReach + 1> slots_;
+};
+
+// The brightest of the pixels around each of a row, by their lesser halves.
+class Brightest {
+ public:
+  explicit Brightest(std::size_t values) : columns_(values + 2 * film::kChannels), around_(values) {}
+  // rows: below, itself, above, as many as there are.
+  void fill(const Rows& rows, std::uint32_t y, std::uint32_t height) {
+    std::fill(columns_.begin(), columns_.end(), 0.0);
+    std::fill(around_.begin(), around_.end(), 0.0);
+    for (std::uint32_t v = y == 0 ? 0 : y - 1; v < std::min(height, y + 2); ++v) {
+      const double* lesser = rows.row(v).lesser.data();
+      double* columns = columns_.data() + film::kChannels;
+      for (std::size_t i = 0; i < around_.size(); ++i) columns[i] = std::max(columns[i], lesser[i]);
+      if (v == y) continue;
+      for (std::size_t i = 0; i < around_.size(); ++i) around_[i] = std::max(around_[i], lesser[i]);
+    }
+    for (std::size_t i = 0; i < around_.size(); ++i)
+      around_[i] = std::max(around_[i], std::max(columns_[i], columns_[i + 2 * film::kChannels]));
+  }
+  double operator[](std::size_t i) const { return around_[i]; }
+
+ private:
+  Row columns_;  // the brightest of three, with a pixel of zeros at both ends
+  Row around_;
 };
 
 // Energies of a field by scale: the orthonormal Haar transform, level by level, of a field that comes row by
@@ -157,12 +192,13 @@ class Bands {
 class Neighborhoods {
  public:
   explicit Neighborhoods(std::size_t values) : columns_(values), along_(values + film::kChannels) {}
-  // value(y, i) for the rows [y0, y1).
-  template <class Value>
-  void fill(std::uint32_t y0, std::uint32_t y1, const Value& value) {
+  // Of the rows [y0, y1) of one member.
+  void fill(const Rows& rows, std::uint32_t y0, std::uint32_t y1, Row Rows::Slot::*member) {
     std::fill(columns_.begin(), columns_.end(), 0.0);
-    for (std::uint32_t y = y0; y < y1; ++y)
-      for (std::size_t i = 0; i < columns_.size(); ++i) columns_[i] += value(y, i);
+    for (std::uint32_t y = y0; y < y1; ++y) {
+      const double* values = (rows.row(y).*member).data();
+      for (std::size_t i = 0; i < columns_.size(); ++i) columns_[i] += values[i];
+    }
     for (std::size_t i = 0; i < columns_.size(); ++i) along_[i + film::kChannels] = along_[i] + columns_[i];
   }
   double sum(std::size_t x0, std::size_t x1, std::size_t c) const {
@@ -398,32 +434,20 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
   Row sum_a(block_values), sum_b(block_values), weights(block_values), sizes(block_values / film::kChannels);
   Row values_of_blocks(block_values), variances_of_blocks(block_values);
 
-  Rows rows(halves);
+  Rows rows(halves, factor);
   Bands bands(halves.width);
   Neighborhoods near_a(rows.values()), near_b(rows.values()), near_ab(rows.values()), near_v(rows.values());
+  Brightest brightest(rows.values());
   Row field(rows.values());
-  // The brightest pixel around, each by its lesser half.
-  const auto brightest = [&](std::uint32_t x, std::uint32_t y, std::size_t c) {
-    double most = 0;
-    for (std::uint32_t v = y == 0 ? 0 : y - 1; v < std::min(halves.height, y + 2); ++v)
-      for (std::uint32_t u = x == 0 ? 0 : x - 1; u < std::min(halves.width, x + 2); ++u)
-        if (u != x || v != y) {
-          const std::size_t i = std::size_t{u} * film::kChannels + c;
-          most = std::max(most, std::min(rows.row(v).a[i], rows.row(v).b[i]));
-        }
-    return most;
-  };
   double noise = 0, of_factor = 0, variances = 0;
   for (std::uint32_t y = 0; y < halves.height; ++y) {
     rows.move_to(y);
     const std::uint32_t y0 = y < kReach ? 0 : y - kReach, y1 = std::min(halves.height, y + kReach + 1);
-    near_a.fill(y0, y1, [&](std::uint32_t v, std::size_t i) { return rows.row(v).a[i]; });
-    near_b.fill(y0, y1, [&](std::uint32_t v, std::size_t i) { return rows.row(v).b[i]; });
-    near_ab.fill(y0, y1, [&](std::uint32_t v, std::size_t i) { return rows.row(v).a[i] * rows.row(v).b[i]; });
-    near_v.fill(y0, y1, [&](std::uint32_t v, std::size_t i) {
-      const double d = rows.row(v).a[i] - rows.row(v).b[i];
-      return d * d * factor;
-    });
+    near_a.fill(rows, y0, y1, &Rows::Slot::a);
+    near_b.fill(rows, y0, y1, &Rows::Slot::b);
+    near_ab.fill(rows, y0, y1, &Rows::Slot::product);
+    near_v.fill(rows, y0, y1, &Rows::Slot::noise);
+    brightest.fill(rows, y, halves.height);
     const Rows::Slot& row = rows.row(y);
     for (std::uint32_t x = 0; x < halves.width; ++x) {
       const std::uint32_t x0 = x < kReach ? 0 : x - kReach, x1 = std::min(halves.width, x + kReach + 1);
@@ -443,15 +467,15 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
         // mean where a pixel beside it is as bright in both.
         const double around =
             count > 1 ? std::min(mean_a * count - a, mean_b * count - b) / (count - 1) : std::min(a, b);
-        const double own = std::min(w0 * a + w1 * b, std::max(std::min(a, b), brightest(x, y, c)));
+        const double own = std::min(w0 * a + w1 * b, std::max(row.lesser[i], brightest[i]));
         const double value = share * own + (1 - share) * around;
         const double square = value * value + floor;
         const double weight = square > 0 ? 1 / square : 0;
         field[i] = (a - b) * std::sqrt(factor * weight);
         noise += field[i] * field[i];
-        variances += (a - b) * (a - b) * factor;
+        variances += row.noise[i];
         values_of_blocks[block * film::kChannels + c] += value;
-        variances_of_blocks[block * film::kChannels + c] += (a - b) * (a - b) * factor;
+        variances_of_blocks[block * film::kChannels + c] += row.noise[i];
         if (halves.factor_variance > 0) {
           const double v = row.scaled[i] * row.scaled[i] * halves.factor_variance;
           of_factor += v * weight;

@@ -20,7 +20,7 @@ constexpr double kIdleFilmSeconds = 60;  // before the film of a job that has en
 constexpr double kShortFilmSeconds = 2;  // the same where memory is short
 constexpr double kEstimateGrowth = 1.1;  // of iterations between estimates
 constexpr double kMinEstimateSeconds = 0.25;
-constexpr double kEstimateShare = 0.1;  // of one thread, at most, by the estimates of all jobs
+constexpr double kEstimateShare = 0.05;  // of one thread, at most, by the estimates of all jobs
 
 }  // namespace
 

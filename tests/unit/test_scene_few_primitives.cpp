@@ -163,6 +163,43 @@ TEST(FewPrimitives, OfAMeshAreTheRoundOnes) {
   EXPECT_GT(expect_brute_force(geometry, 1, {}, s), 2000);
 }
 
+// Claims: the ball around the round primitives beside meshes leaves out no ray that meets one, be it that it
+// grazes the ball, starts in it or ends there; with one of them it leaves out many others.
+TEST(FewPrimitives, AreMetThroughTheirBallAlone) {
+  rng::Stream s(rng::key(1, 92));
+  for (const float offset : {0.0f, 300.0f})
+    for (const int round : {1, 2, 20}) {
+      const Vec3 center = Vec3{0.7f, -1.0f, 0.4f} * offset;
+      Geometry geometry;
+      fill(geometry, 300, round, 0.3f, center, s);
+      geometry.finish();
+      const auto few = FewPrimitives::build(geometry);
+      ASSERT_TRUE(few != nullptr && !few->whole());
+      const Sphere& sphere = geometry.spheres[0].sphere;
+      int met = 0, passed_by = 0;
+      for (int i = 0; i < 20000; ++i) {
+        const Vec3 from = center + random_point(s, i % 5 == 0 ? 0.3f : 4.0f);
+        const Vec3d axis = normalize(sphere.center - Vec3d(from));
+        const Vec3d side = normalize(cross(axis, Vec3d(uniform_direction(s))));
+        const double rim = i % 2 == 0 ? 1 - 1e-6 * static_cast<double>(s.next_float())
+                                      : 4 * static_cast<double>(s.next_float());
+        const Vec3 to(sphere.center + side * (sphere.radius * rim));
+        Ray ray{from, normalize(to - from)};
+        if (i % 3 == 1) ray.t_max = length(to - from) * (0.9f + 0.2f * s.next_float());
+        float distance = 0;
+        PrimitiveKind kind{};
+        std::uint32_t primitive = 0;
+        const bool hit = few->intersect(ray, distance, kind, primitive);
+        met += hit ? 1 : 0;
+        const bool may = few->may_meet_round(ray, ray.t_max);
+        passed_by += may ? 0 : 1;
+        ASSERT_TRUE(may || !hit);
+      }
+      EXPECT_GT(met, 4000);
+      EXPECT_TRUE(passed_by > 1000 || round > 1);
+    }
+}
+
 // Claims: if they are the whole scene, Embree builds no tree; nothing that finds surfaces needs records of
 // triangles, in a scene of few primitives or of many.
 TEST(FewPrimitives, NeedNeitherTreeNorRecords) {

@@ -13,6 +13,7 @@
 #include <limits>
 #include <optional>
 
+#include "common/base/huge_page_advice.h"
 #include "common/base/log.h"
 #include "common/base/work_monitor.h"
 #include "worker/core/math.h"
@@ -139,14 +140,14 @@ class Reader {
   void reserve_vertices() {
     const auto count = static_cast<std::size_t>(vertices_->count);
     // The scene adds one element to what becomes its only mesh; the arrays are not copied then.
-    mesh_.positions.reserve(count + 1);
+    reserve_huge(mesh_.positions, count + 1);
     mesh_.positions.resize(count);
     if (header_.has_normals) {
-      mesh_.normals.reserve(count + 1);
+      reserve_huge(mesh_.normals, count + 1);
       mesh_.normals.resize(count);
     }
     if (header_.has_uvs) {
-      mesh_.uvs.reserve(count + 1);
+      reserve_huge(mesh_.uvs, count + 1);
       mesh_.uvs.resize(count);
     }
     for (const Header::Attribute& attribute : header_.vertex_attributes)
@@ -366,6 +367,7 @@ class Reader {
     const auto count = static_cast<std::size_t>(element.count);
     const char* rows = bytes_.data() + at_;
     const std::size_t count_size = size_of(corners->count_type), index_size = size_of(corners->type);
+    reserve_huge(mesh_.triangles, count);
     mesh_.triangles.resize(count);
     // The most common types; a negative index is a large one without its sign.
     const bool plain = !header_.big_endian && corners->count_type == Type::u8 &&

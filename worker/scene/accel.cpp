@@ -418,7 +418,9 @@ bool Accel::intersect(const Ray& ray, Found& found) const {
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(impl_->scene.get(), &context, &query);
-  if (few != nullptr && intersect_few({ray.origin, ray.direction, query.ray.tfar}, found)) return true;
+  if (few != nullptr && few->may_meet_round(ray, query.ray.tfar) &&
+      intersect_few({ray.origin, ray.direction, query.ray.tfar}, found))
+    return true;
   if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
   found = {query.hit.primID, static_cast<PrimitiveKind>(query.hit.geomID), query.hit.instID[0]};
   if (found.instance != kNone) [[unlikely]] {
@@ -454,8 +456,8 @@ bool Accel::occluded(const Ray& ray) const {
   if (!set_ray(ray, query)) return false;
   const FewPrimitives* const few = impl_->few.get();
   if (few != nullptr) {
-    const bool met = few->occluded(ray);
-    if (met || few->whole()) return met;
+    if (few->whole()) return few->occluded(ray);
+    if (few->may_meet_round(ray, ray.t_max) && few->occluded(ray)) return true;
   }
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "worker/scene/bounds.h"
 #include "worker/scene/shapes/geometry_steps.h"
 #include "worker/scene/shapes/rounding.h"
 
@@ -20,9 +21,6 @@ constexpr std::size_t kMaxRound = 32;
 
 // The longest edge over the height on it.
 constexpr double kThinnest = 1e4;
-
-// Bounds the errors of squared distances in float, as a part of the square of the largest coordinates' sum.
-constexpr float kSquareError = 0x1p-18f;
 
 inline __m256 along(const std::array<std::array<float, 8>, 3>& row, __m256 x, __m256 y, __m256 last) {
   return _mm256_fmadd_ps(_mm256_load_ps(row[0].data()), x,
@@ -118,7 +116,25 @@ std::unique_ptr<FewPrimitives> FewPrimitives::build(const Geometry& geometry) {
     few->add_round(PrimitiveKind::cylinder, i, cylinder.base + cylinder.axes[2] * (cylinder.length / 2),
                    std::sqrt(cylinder.radius * cylinder.radius + cylinder.length * cylinder.length / 4));
   }
+  few->surround();
   return few;
+}
+
+void FewPrimitives::surround() {
+  if (round_.empty()) return;
+  const auto center_of = [&](std::size_t i) {
+    const auto& center = balls_[i / kWidth].center;
+    return Vec3d(Vec3{center[0][i % kWidth], center[1][i % kWidth], center[2][i % kWidth]});
+  };
+  Bounds box;
+  for (std::size_t i = 0; i < round_.size(); ++i) box.add(center_of(i));
+  middle_ = Vec3(box.center());
+  double reach = 0;
+  for (std::size_t i = 0; i < round_.size(); ++i)
+    reach = std::max(reach, length(center_of(i) - Vec3d(middle_)) +
+                                static_cast<double>(balls_[i / kWidth].radius[i % kWidth]));
+  reach_ = static_cast<float>(reach * (1 + 1e-6));
+  extent_ = std::abs(middle_.x) + std::abs(middle_.y) + std::abs(middle_.z) + reach_;
 }
 
 void FewPrimitives::add_round(PrimitiveKind kind, std::uint32_t primitive, const Vec3d& center,

@@ -72,51 +72,62 @@ bool several_shapes(const Geometry& geometry, const std::vector<bool>* looked_at
   return count >= 2;
 }
 
-template <class Visit>
-void for_each_flat(const Geometry& geometry, const std::vector<bool>* looked_at, const Visit& visit) {
+// skip(number): of a flat in the order of visits; true: it is not visited.
+template <class Skip, class Visit>
+void for_each_flat(const Geometry& geometry, const std::vector<bool>* looked_at, const Skip& skip,
+                   const Visit& visit) {
+  std::size_t number = 0;
   const auto add = [&](std::uint32_t shape, std::uint32_t primitive, Vec3d normal, Vec3d point) {
     if (looked_at != nullptr && !(*looked_at)[shape]) return;
     const double l = length(normal);
     if (!(l > 0) || !std::isfinite(l)) return;
     const Vec3d n = without_sign(normal / l);
-    visit(Flat{rounded(n), dot(n, point), shape, primitive});
+    visit(number, Flat{rounded(n), dot(n, point), shape, primitive});
   };
   const Group::Range triangles = range_of(geometry, PrimitiveKind::triangle);
   std::uint32_t shape = 0;
-  for (std::uint32_t i = triangles.first; i < triangles.first + triangles.count; ++i) {
+  for (std::uint32_t i = triangles.first; i < triangles.first + triangles.count; ++i, ++number) {
+    if (skip(number)) continue;
     while (i - geometry.shapes[shape].first_triangle >= geometry.shapes[shape].triangle_count) ++shape;
     const auto [v0, v1, v2] = corners_of(geometry, i);
     const Vec3d a(v0);
     add(shape, i, cross(Vec3d(v1) - a, Vec3d(v2) - a), a);
   }
   const Group::Range disks = range_of(geometry, PrimitiveKind::disk);
-  for (std::uint32_t i = disks.first; i < disks.first + disks.count; ++i) {
+  for (std::uint32_t i = disks.first; i < disks.first + disks.count; ++i, ++number) {
+    if (skip(number)) continue;
     const DiskRecord& d = geometry.disks[i];
     add(d.shape, i, d.disk.axes[2], d.disk.center);
   }
 }
 
 // Flats that may lie in one plane with those of another shape. A first pass finds the normals (by their
-// hash) that several shapes have, so that a mesh of millions beside few other shapes costs no memory.
+// hash) that several shapes have, so that a mesh of millions beside few other shapes costs little memory, and
+// computes each normal but once.
 std::vector<Flat> flats_of(const Geometry& geometry, const std::vector<bool>* looked_at) {
   std::vector<Flat> flats;
   if (!several_shapes(geometry, looked_at)) return flats;
   constexpr std::size_t kSlots = std::size_t{1} << 16;
   constexpr std::uint32_t kSeveral = kNone - 1;
   const auto slot = [](std::uint64_t normal) {
-    return static_cast<std::size_t>(normal * 0x9e3779b97f4a7c15u >> 48);
+    return static_cast<std::uint16_t>(normal * 0x9e3779b97f4a7c15u >> 48);
   };
   std::vector<std::uint32_t> shape_of(kSlots, kNone);
-  for_each_flat(geometry, looked_at, [&](const Flat& flat) {
-    std::uint32_t& shape = shape_of[slot(flat.normal)];
-    if (shape == kNone)
-      shape = flat.shape;
-    else if (shape != flat.shape)
-      shape = kSeveral;
-  });
-  for_each_flat(geometry, looked_at, [&](const Flat& flat) {
-    if (shape_of[slot(flat.normal)] == kSeveral) flats.push_back(flat);
-  });
+  std::vector<std::uint16_t> slots(std::size_t{range_of(geometry, PrimitiveKind::triangle).count} +
+                                   range_of(geometry, PrimitiveKind::disk).count);
+  for_each_flat(
+      geometry, looked_at, [](std::size_t) { return false; },
+      [&](std::size_t number, const Flat& flat) {
+        slots[number] = slot(flat.normal);
+        std::uint32_t& shape = shape_of[slots[number]];
+        if (shape == kNone)
+          shape = flat.shape;
+        else if (shape != flat.shape)
+          shape = kSeveral;
+      });
+  for_each_flat(
+      geometry, looked_at, [&](std::size_t number) { return shape_of[slots[number]] != kSeveral; },
+      [&](std::size_t, const Flat& flat) { flats.push_back(flat); });
   return flats;
 }
 

@@ -12,6 +12,7 @@
 #include <limits>
 #include <numbers>
 
+#include "common/base/huge_page_advice.h"
 #include "worker/loaders/parallel.h"
 #include "worker/scene/shapes/geometry_steps.h"
 #include "worker/scene/shapes/rounding.h"
@@ -55,6 +56,9 @@ void append(std::vector<T>& to, std::vector<T>&& from) {
   if (to.empty()) {
     to = std::move(from);
   } else {
+    // One more, for finish_vertices().
+    const std::size_t count = to.size() + from.size() + 1;
+    if (count > to.capacity()) reserve_huge(to, std::max(count, 2 * to.capacity()));
     to.insert(to.end(), from.begin(), from.end());
   }
 }
@@ -229,7 +233,7 @@ void make_triangles(Geometry& geometry) {
   // The array grows by parts that stay in a cache until they are filled: memory is written once.
   const std::size_t part = loaders::kGrain * std::max<std::size_t>(1, loaders::thread_count());
   std::vector<Triangle> made;
-  made.reserve(geometry.indices.size());
+  reserve_huge(made, geometry.indices.size());
   for (const Triangle& start : geometry.triangles) {
     const ShapeRecord& shape = geometry.shapes[start.shape];
     const std::size_t end_of_shape = std::size_t{shape.first_triangle} + shape.triangle_count;

@@ -17,7 +17,8 @@ void ImportanceChooser::finish() {
   }
 }
 
-CandidateSum ImportanceChooser::find(Vec3 p, Vec3 front, Candidates& out) const {
+// Flat: a call of each emitter takes a seventh more instructions.
+[[gnu::flatten]] CandidateSum ImportanceChooser::find(Vec3 p, Vec3 front, Candidates& out) const {
   std::array<float, kMaxEmitters> importance;
   for (const std::uint32_t i : others_) importance[i] = emitters_->importance(i, p, front);
   if (!surfaces_.empty()) {
