@@ -83,7 +83,12 @@ class TheCommand(unittest.TestCase):
         for name, text in FILES.items():
             (cls.source / name).parent.mkdir(parents=True, exist_ok=True)
             (cls.source / name).write_text(textwrap.dedent(text))
-        for command in ([CMAKE, "-G", "Ninja", f"-DCMAKE_CXX_COMPILER={COMPILER}", "-S", cls.source, "-B", cls.build],
+        cls.launched = cls.root / "launched"
+        launcher = cls.root / "launcher"
+        launcher.write_text(f'#!/bin/sh\necho "$@" >>"{cls.launched}"\nexec "$@"\n')
+        launcher.chmod(0o755)
+        for command in ([CMAKE, "-G", "Ninja", f"-DCMAKE_CXX_COMPILER={COMPILER}", f"-DCMAKE_CXX_COMPILER_LAUNCHER={launcher}",
+                         "-S", cls.source, "-B", cls.build],
                         ["ninja", "-C", cls.build]):
             done = subprocess.run(command, capture_output=True, text=True)
             if done.returncode != 0:
@@ -150,6 +155,18 @@ class TheCommand(unittest.TestCase):
         beside = mutant("fourth", "Toy.Fourth", "twice(x) / 6", "twice(x) / 7", "lib/third.cpp")
         status, verdicts, said = self.judge(broken + beside)
         self.assertEqual((status, verdicts), (1, {"third": "caught", "fourth": "SURVIVED"}), said)
+
+    def test_the_cache_compiles_in_a_folder_that_is_kept(self):
+        """Claim: with --work the build's launcher compiles a mutant, under the same names each time; without it does not."""
+        one = mutant("a", "Toy.Half", "twice(x) / 4", "twice(x) / 5")
+        runs = []
+        for options in ([], ["--work", self.root / "kept"], ["--work", self.root / "kept"]):
+            self.launched.write_text("")
+            self.assertEqual(self.judge(one, *options)[:2], (0, {"a": "caught"}))
+            runs.append(self.launched.read_text())
+        self.assertEqual(runs[0], "")
+        self.assertIn("half.cpp", runs[1])
+        self.assertEqual(runs[1], runs[2])
 
     def test_the_short_form_looks_at_all_texts(self):
         short = mutant("a", "Toy.Half", "twice(x) / 4", "twice(x) / 5") + "short = true\n"
