@@ -1,6 +1,6 @@
 // Interface of readers of image files, and the module (base/module.h) that has those of other formats than
-// OpenEXR and PNG: OpenImageIO brings 260 libraries, and loading them takes a third of a second of processor
-// time.
+// OpenEXR, PNG and JPEG, and writes JPEG: OpenImageIO brings 260 libraries, and loading them takes a third of
+// a second of processor time.
 #pragma once
 
 #include <array>

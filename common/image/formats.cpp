@@ -6,6 +6,7 @@
 
 #include "common/image/byte_source.h"
 #include "common/image/exr.h"
+#include "common/image/jpeg.h"
 #include "common/image/png.h"
 
 namespace candela::image {
@@ -24,11 +25,12 @@ std::unique_ptr<ImageReader> open_own(std::string_view format, std::unique_ptr<B
                                       const std::string& name, bool straight_colors, std::string& error) {
   if (format == "openexr") return open_exr(std::move(source), name, error);
   if (format == "png") return open_png(std::move(source), straight_colors, error);
+  if (format == "jpeg") return open_jpeg(std::move(source), error);
   return nullptr;
 }
 
 bool is_own(std::string_view format) {
-  return format == "openexr" || format == "png";
+  return format == "openexr" || format == "png" || format == "jpeg";
 }
 
 // The format of a file by its first bytes and its name; null: none of those that format_of() knows.
@@ -116,7 +118,7 @@ std::string one_line(std::string text) {
 }
 
 std::string image_libraries() {
-  return exr_library() + ", " + png_library();
+  return exr_library() + ", " + png_library() + ", " + jpeg_library();
 }
 
 }  // namespace candela::image

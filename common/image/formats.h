@@ -1,4 +1,5 @@
-// The formats of image files: OpenEXR and PNG by their own libraries, others by the module (codec.h).
+// The formats of image files: OpenEXR and PNG by their own libraries, and so is JPEG read; others by the
+// module (codec.h).
 #pragma once
 
 #include <cstdint>
@@ -46,7 +47,7 @@ bool is_reserved_attribute(const std::string& key);
 // A text of a file or a library without control characters: errors are one line.
 std::string one_line(std::string text);
 
-// Names and versions of the libraries of OpenEXR and PNG, for people.
+// Names and versions of the libraries of OpenEXR, PNG and JPEG, for people.
 std::string image_libraries();
 
 }  // namespace candela::image

@@ -5,8 +5,10 @@
 #include <utility>
 #include <vector>
 
+#include "common/image/exif.h"
 #include "common/image/png.h"
 #include "common/image/png_calls.h"
+#include "common/image/row_samples.h"
 
 namespace candela::image {
 namespace {
@@ -14,27 +16,6 @@ namespace {
 static_assert(std::endian::native == std::endian::little);  // PNG's words are the other way round
 
 constexpr std::uint64_t kMaxExpansion = 4096;  // more than deflate's, and than that of single bits to bytes
-
-// The orientation in the first directory of an Exif chunk; 1 where there is none.
-int exif_orientation(const unsigned char* bytes, std::size_t size) {
-  constexpr unsigned kTag = 0x112;
-  if (size < 8) return 1;
-  const bool big = bytes[0] == 'M';
-  const auto number = [&](std::size_t at, std::size_t count) {
-    std::uint32_t value = 0;
-    for (std::size_t i = 0; i < count; ++i) value = value << 8 | bytes[at + (big ? i : count - 1 - i)];
-    return value;
-  };
-  const std::size_t directory = number(4, 4);
-  if (directory > size - 2) return 1;
-  const std::size_t entries = number(directory, 2);
-  for (std::size_t i = 0; i < entries; ++i) {
-    const std::size_t entry = directory + 2 + 12 * i;
-    if (entry + 12 > size) return 1;
-    if (number(entry, 2) == kTag) return static_cast<int>(number(entry + 8, 2));
-  }
-  return 1;
-}
 
 class PngReader final : public ImageReader, private PngCalls {
  public:
@@ -80,9 +61,6 @@ class PngReader final : public ImageReader, private PngCalls {
   bool read_row(int y);
   template <class T>
   void associate(T* row) const;
-  template <class T>
-  static void convert(const T* row, std::size_t channels, std::size_t width, std::size_t first,
-                      std::size_t last, SampleType type, void* out);
 
   std::unique_ptr<ByteSource> source_;
   bool straight_;
@@ -207,29 +185,11 @@ void PngReader::associate(T* row) const {
   }
 }
 
-template <class T>
-void PngReader::convert(const T* row, std::size_t channels, std::size_t width, std::size_t first,
-                        std::size_t last, SampleType type, void* out) {
-  constexpr float kScale = 1.0F / static_cast<float>(std::numeric_limits<T>::max());
-  for (std::size_t x = 0; x < width; ++x) {
-    for (std::size_t c = first; c < last; ++c) {
-      const T value = row[x * channels + c];
-      const std::size_t at = x * (last - first) + (c - first);
-      if (type == SampleType::float32)
-        static_cast<float*>(out)[at] = static_cast<float>(value) * kScale;
-      else
-        static_cast<T*>(out)[at] = value;
-    }
-  }
-}
-
 bool PngReader::read_rows(int begin, int end, int first, int last, SampleType type, void* out) {
   const SampleType own = spec_.is_uint8 ? SampleType::uint8 : SampleType::uint16;
   if (type != own && type != SampleType::float32)
     return fail("PNG images are read as what they hold, or floats");
-  if (begin < 0 || begin >= end || end > spec_.height || first < 0 || first >= last ||
-      last > static_cast<int>(spec_.channels.size()))
-    return fail("there are no such rows and channels");
+  if (!has_rows(spec_, begin, end, first, last)) return fail("there are no such rows and channels");
   const auto width = static_cast<std::size_t>(spec_.width);
   const std::size_t channels = spec_.channels.size();
   const auto from = static_cast<std::size_t>(first), to = static_cast<std::size_t>(last);
@@ -240,10 +200,10 @@ bool PngReader::read_rows(int begin, int end, int first, int last, SampleType ty
     const bool multiply = spec_.alpha_channel >= 0 && !straight_;
     if (spec_.is_uint8) {
       if (multiply) associate(row());
-      convert(row(), channels, width, from, to, type, at);
+      give_samples(row(), channels, width, from, to, type, at);
     } else {
       if (multiply) associate(row_.data());
-      convert(row_.data(), channels, width, from, to, type, at);
+      give_samples(row_.data(), channels, width, from, to, type, at);
     }
   }
   return true;

@@ -1,4 +1,5 @@
-// Tests of the readers and writers of OpenEXR and PNG. OpenImageIO, which reads both too, is the judge.
+// Tests of the readers of OpenEXR, PNG and JPEG, and of the writers of the first two. OpenImageIO, which
+// reads all of them too, is the judge.
 #include "common/image/formats.h"
 
 #include <ImfChromaticitiesAttribute.h>
@@ -22,11 +23,13 @@
 #include "common/image/image.h"
 #include "tests/temporary_folder.h"
 #include "tests/unit/image_files.h"
+#include "tests/unit/jpeg_files.h"
 
 namespace candela::image {
 namespace {
 
 using test::big_endian;
+using test::jpeg_file;
 using test::png_chunk;
 using test::png_file;
 using test::write_exr_file;
@@ -200,6 +203,66 @@ TEST_F(ImageFormats, PngReadsAsByOpenImageIo) {
   }
 }
 
+// Claim: a JPEG, gray or in colors, baseline or progressive, with chroma of any sampling and with marks to
+// start again at, larger than a buffer or smaller than a block, gives the bytes and floats that OpenImageIO
+// gives.
+TEST_F(ImageFormats, JpegReadsAsByOpenImageIo) {
+  std::uint64_t seed = 0;
+  for (const int components : {1, 3}) {
+    for (const bool progressive : {false, true}) {
+      for (const auto& [across, down] :
+           {std::pair(1, 1), std::pair(2, 1), std::pair(1, 2), std::pair(2, 2)}) {
+        if (components == 1 && across * down > 1) continue;
+        for (const unsigned restart_rows : {0U, 1U}) {
+          for (const auto& [width, height] : {std::pair(3, 2), std::pair(67, 45), std::pair(400, 300)}) {
+            SCOPED_TRACE(testing::Message()
+                         << components << " components, " << across << " x " << down
+                         << (progressive ? ", progressive" : "") << ", " << width << " x " << height);
+            put("a.jpg",
+                jpeg_file({width, height, components, progressive, across, down, restart_rows}, ++seed));
+            expect_read_as_by_oiio(path("a.jpg"), false);
+          }
+        }
+      }
+    }
+  }
+}
+
+// Claim: a JPEG tells its orientation; without the mark of its end it is whole; with part of its pixels, with
+// inks and with ever more scans it is refused.
+TEST_F(ImageFormats, JpegsSayWhatIsWrong) {
+  using namespace std::string_literals;
+  const std::string exif = "MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0"s;
+  const std::string turned = jpeg_file({.width = 40, .height = 30, .exif = exif}, 1);
+  const auto reader = open_file(put("a.jpg", turned));
+  ASSERT_TRUE(reader.ok()) << reader.error().to_string();
+  EXPECT_EQ((*reader)->spec().orientation, 6);
+  const auto whole = read_image(path("a.jpg"));
+  ASSERT_TRUE(whole.ok()) << whole.error().to_string();
+  const auto without_end = read_image(put("b.jpg", turned.substr(0, turned.size() - 2)));
+  ASSERT_TRUE(without_end.ok()) << without_end.error().to_string();
+  EXPECT_TRUE(same_bits(without_end->rgb, whole->rgb));
+  const auto half = read_image(put("c.jpg", turned.substr(0, turned.size() / 2)));
+  ASSERT_FALSE(half.ok());
+  EXPECT_THAT(half.error().message, testing::HasSubstr("ends too early"));
+
+  std::string inks = turned;
+  const std::size_t frame = inks.find("\xff\xc0");
+  inks.replace(frame + 2, 2, "\0\x14"s);
+  inks.replace(frame + 9, 1, "\x04"s);
+  inks.insert(frame + 19, "\x04\x11\0"s);
+  EXPECT_THAT(error_of(put("d.jpg", inks)), testing::HasSubstr("CMYK"));
+
+  // A scan of a progressive file again and again.
+  const std::string file = jpeg_file({.width = 40, .height = 30, .progressive = true}, 2);
+  const std::size_t last = file.rfind("\xff\xda"), end = file.size() - 2;
+  std::string scans = file.substr(0, end);
+  for (int i = 0; i < 600; ++i) scans += file.substr(last, end - last);
+  const auto many = read_image(put("e.jpg", scans + file.substr(end)));
+  ASSERT_FALSE(many.ok());
+  EXPECT_THAT(many.error().message, testing::HasSubstr("scans"));
+}
+
 // Claim: a reader tells what the head says: windows, the names of parts, primaries, orientation and texts.
 TEST_F(ImageFormats, HeadsTellWhatTheySay) {
   const Imath::Box2i display({0, 0}, {9, 6}), data({2, 1}, {12, 9});
@@ -335,9 +398,10 @@ TEST_F(ImageFormats, CutFilesAreErrors) {
   header.setTileDescription(Imf::TileDescription(4, 4, Imf::MIPMAP_LEVELS));
   write_exr_file(path("tiles.exr"), header);
   const std::string files[] = {bytes_of(path("lines.exr")), bytes_of(path("tiles.exr")),
-                               png_file(9, 9, 8, 6, false, "", 1), png_file(9, 9, 16, 2, true, "", 2)};
+                               png_file(9, 9, 8, 6, false, "", 1), png_file(9, 9, 16, 2, true, "", 2),
+                               jpeg_file({.width = 90, .height = 60}, 3)};
   for (std::size_t i = 0; i < std::size(files); ++i) {
-    const std::string name = i < 2 ? "cut.exr" : "cut.png";
+    const std::string name = i < 2 ? "cut.exr" : i < 4 ? "cut.png" : "cut.jpg";
     EXPECT_TRUE(read_image(put(name, files[i])).ok()) << i;
     std::size_t errors = 0;
     for (std::size_t size = 8; size < files[i].size(); size += 3) {

@@ -1,5 +1,5 @@
-// The module of image files of other formats than OpenEXR and PNG, by OpenImageIO. Its types stay inside this
-// file.
+// The module of image files of other formats than OpenEXR, PNG and JPEG, and of JPEG to write, by
+// OpenImageIO. Its types stay inside this file.
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 #include <sys/mman.h>
