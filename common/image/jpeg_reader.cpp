@@ -12,7 +12,7 @@
 
 #include "common/image/exif.h"
 #include "common/image/jpeg.h"
-#include "common/image/row_samples.h"
+#include "common/image/row_reader.h"
 
 namespace candela::image {
 namespace {
@@ -93,7 +93,7 @@ void on_skip(j_decompress_ptr call, long count) {
   source.at += std::min(wanted - here, source.bytes->size() - source.at);
 }
 
-class JpegReader final : public ImageReader {
+class JpegReader final : public RowReader {
  public:
   explicit JpegReader(std::unique_ptr<ByteSource> bytes) : bytes_(std::move(bytes)) {}
   JpegReader(const JpegReader&) = delete;
@@ -102,20 +102,9 @@ class JpegReader final : public ImageReader {
 
   // Reads the file up to its pixels, anew.
   bool open();
-  const ImageSpec& spec() const override { return spec_; }
-  bool seek_part(int part) override { return part == 0; }
-  bool read_part(int part, int first, int last, SampleType type, void* out) override {
-    return part == 0 && read_rows(0, spec_.height, first, last, type, out);
-  }
-  bool read_rows(int begin, int end, int first, int last, SampleType type, void* out) override;
-  bool read_tiles(int, int, int, int, SampleType, void*) override { return fail("JPEG has no tiles"); }
-  std::string error() override { return std::exchange(error_, {}); }
 
  private:
-  bool fail(const char* why) {
-    error_ = why;
-    return false;
-  }
+  const void* row_at(int y) override;
   // Calls `body`, which must own nothing. False if libjpeg failed.
   template <class Body>
   bool guarded(const Body& body) {
@@ -133,9 +122,7 @@ class JpegReader final : public ImageReader {
   jpeg_decompress_struct call_{};
   bool started_ = false;
   int next_row_ = 0;
-  ImageSpec spec_;
   std::vector<JSAMPLE> row_;
-  std::string error_;
 };
 
 void JpegReader::set_up() {
@@ -170,7 +157,7 @@ bool JpegReader::open() {
       }))
     return false;
   if (call_.num_components != 1 && call_.num_components != 3)
-    return fail(call_.num_components == 4 ? "it holds four inks (CMYK), not colors"
+    return fail(call_.num_components == 4 ? "it holds four inks (CMYK), not colors: save it as RGB"
                                           : "it has neither one component nor three");
   call_.out_color_space = call_.num_components == 1 ? JCS_GRAYSCALE : JCS_RGB;
   describe();
@@ -194,24 +181,14 @@ void JpegReader::describe() {
   row_.resize(std::size_t{call_.image_width} * spec_.channels.size());
 }
 
-bool JpegReader::read_rows(int begin, int end, int first, int last, SampleType type, void* out) {
-  if (type == SampleType::uint16) return fail("JPEG images are read as bytes or floats");
-  if (!has_rows(spec_, begin, end, first, last)) return fail("there are no such rows and channels");
-  const auto width = static_cast<std::size_t>(spec_.width);
-  const auto from = static_cast<std::size_t>(first), to = static_cast<std::size_t>(last);
-  const std::size_t row_bytes =
-      width * (to - from) * (type == SampleType::float32 ? sizeof(float) : std::size_t{1});
-  auto* at = static_cast<unsigned char*>(out);
-  for (int y = begin; y < end; ++y, at += row_bytes) {
-    if (y < next_row_ && !open()) return false;
-    if (!started_ && !guarded([this] { jpeg_start_decompress(&call_); })) return false;
-    started_ = true;
-    JSAMPROW row = row_.data();
-    for (; next_row_ <= y; ++next_row_)
-      if (!guarded([this, &row] { jpeg_read_scanlines(&call_, &row, 1); })) return false;
-    give_samples(row_.data(), spec_.channels.size(), width, from, to, type, at);
-  }
-  return true;
+const void* JpegReader::row_at(int y) {
+  if (y < next_row_ && !open()) return nullptr;
+  if (!started_ && !guarded([this] { jpeg_start_decompress(&call_); })) return nullptr;
+  started_ = true;
+  JSAMPROW row = row_.data();
+  for (; next_row_ <= y; ++next_row_)
+    if (!guarded([this, &row] { jpeg_read_scanlines(&call_, &row, 1); })) return nullptr;
+  return row_.data();
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 #include "common/image/exif.h"
 #include "common/image/png.h"
 #include "common/image/png_calls.h"
-#include "common/image/row_samples.h"
+#include "common/image/row_reader.h"
 
 namespace candela::image {
 namespace {
@@ -17,7 +17,7 @@ static_assert(std::endian::native == std::endian::little);  // PNG's words are t
 
 constexpr std::uint64_t kMaxExpansion = 4096;  // more than deflate's, and than that of single bits to bytes
 
-class PngReader final : public ImageReader, private PngCalls {
+class PngReader final : public RowReader, private PngCalls {
  public:
   PngReader(std::unique_ptr<ByteSource> source, bool straight_colors)
       : source_(std::move(source)), straight_(straight_colors) {}
@@ -25,20 +25,9 @@ class PngReader final : public ImageReader, private PngCalls {
 
   // Reads the file up to its pixels, anew.
   bool open();
-  const ImageSpec& spec() const override { return spec_; }
-  bool seek_part(int part) override { return part == 0; }
-  bool read_part(int part, int first, int last, SampleType type, void* out) override {
-    return part == 0 && read_rows(0, spec_.height, first, last, type, out);
-  }
-  bool read_rows(int begin, int end, int first, int last, SampleType type, void* out) override;
-  bool read_tiles(int, int, int, int, SampleType, void*) override { return fail("PNG has no tiles"); }
-  std::string error() override { return std::exchange(error_, {}); }
 
  private:
-  bool fail(const char* why) {
-    error_ = why;
-    return false;
-  }
+  const void* row_at(int y) override;
   template <class Body>
   bool call(const Body& body) {
     return guarded(body) || fail(message());
@@ -68,11 +57,9 @@ class PngReader final : public ImageReader, private PngCalls {
   bool interlaced_ = false;
   float gamma_ = 1;  // the power that makes values linear, where the file says one
   int next_row_ = 0;
-  ImageSpec spec_;
   std::size_t row_bytes_ = 0;
   std::vector<std::uint16_t> row_;  // or bytes
   std::vector<unsigned char> whole_;
-  std::string error_;
 };
 
 void PngReader::read_info() {
@@ -185,28 +172,14 @@ void PngReader::associate(T* row) const {
   }
 }
 
-bool PngReader::read_rows(int begin, int end, int first, int last, SampleType type, void* out) {
-  const SampleType own = spec_.is_uint8 ? SampleType::uint8 : SampleType::uint16;
-  if (type != own && type != SampleType::float32)
-    return fail("PNG images are read as what they hold, or floats");
-  if (!has_rows(spec_, begin, end, first, last)) return fail("there are no such rows and channels");
-  const auto width = static_cast<std::size_t>(spec_.width);
-  const std::size_t channels = spec_.channels.size();
-  const auto from = static_cast<std::size_t>(first), to = static_cast<std::size_t>(last);
-  const std::size_t bytes = type == SampleType::float32 ? sizeof(float) : spec_.sample_bytes;
-  auto* at = static_cast<unsigned char*>(out);
-  for (int y = begin; y < end; ++y, at += width * (to - from) * bytes) {
-    if (!read_row(y)) return false;
-    const bool multiply = spec_.alpha_channel >= 0 && !straight_;
-    if (spec_.is_uint8) {
-      if (multiply) associate(row());
-      give_samples(row(), channels, width, from, to, type, at);
-    } else {
-      if (multiply) associate(row_.data());
-      give_samples(row_.data(), channels, width, from, to, type, at);
-    }
-  }
-  return true;
+const void* PngReader::row_at(int y) {
+  if (!read_row(y)) return nullptr;
+  const bool multiply = spec_.alpha_channel >= 0 && !straight_;
+  if (multiply && spec_.is_uint8)
+    associate(row());
+  else if (multiply)
+    associate(row_.data());
+  return row_.data();
 }
 
 }  // namespace

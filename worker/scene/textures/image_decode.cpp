@@ -40,24 +40,6 @@ bool held_whole(std::string_view format, std::string_view bytes) {
   return format == "jpeg" || format == "bmp" || format == "targa";
 }
 
-// True if a JPEG has four components: inks, which have no colors without their profile. The library would
-// guess.
-bool is_jpeg_of_inks(std::string_view bytes) {
-  const auto byte = [&](std::size_t at) { return static_cast<unsigned char>(bytes[at]); };
-  for (std::size_t at = 2; at + 9 < bytes.size() && byte(at) == 0xff;) {
-    const unsigned marker = byte(at + 1);
-    if (marker == 0xff) {  // padding
-      ++at;
-      continue;
-    }
-    const bool is_frame =
-        marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
-    if (is_frame) return byte(at + 9) == 4;
-    at += 2 + (static_cast<std::size_t>(byte(at + 2)) << 8 | byte(at + 3));
-  }
-  return false;
-}
-
 // The channel of pbrt's float textures: alpha as gray, if there are R, G, B and A and some pixel is not
 // opaque; else the color, of which the texture takes the mean.
 constexpr std::string_view kNumber = "number";
@@ -135,8 +117,6 @@ Result<void> Decoder::open() {
         .with_mend("use OpenEXR, PNG, JPEG, Radiance HDR, TIFF, BMP, TGA or PNM/PFM");
   }
   format_ = format;
-  if (format_ == "jpeg" && is_jpeg_of_inks(encoded_))
-    return image_error("the JPEG holds four inks (CMYK), not colors", file_).with_mend("save it as RGB");
   if (format_ == "pnm" && bytes_hold_binary_pnm()) return open_pnm();
   // Colors as stored: alpha plays no part here.
   auto input = image::open_bytes(encoded_, format, file_, true);
