@@ -12,6 +12,7 @@
 #include "common/base/files.h"
 #include "common/image/image.h"
 #include "tests/unit/client_outcome.h"
+#include "tests/unit/fake_oidn.h"
 
 namespace candela::client {
 namespace {
@@ -35,7 +36,7 @@ class Convert : public CommandTest {
   }
   // As where Open Image Denoise is installed: the linker finds a library by the name of one that is loaded.
   static void install_denoiser() {
-    ASSERT_NE(dlopen(FAKE_OIDN_2, RTLD_NOW | RTLD_LOCAL), nullptr) << dlerror();
+    ASSERT_NE(dlopen(test::fake_oidn(2).c_str(), RTLD_NOW | RTLD_LOCAL), nullptr) << dlerror();
   }
 
   void SetUp() override {
@@ -177,8 +178,8 @@ TEST_F(Convert, DenoisesOutputs) {
   EXPECT_NEAR(image::read_layer(output.exr, "denoised")->rgb[0], 0.3F, 1e-6F);
   EXPECT_EQ(code_at(output.png, 0), std::lround(255 * image::linear_to_srgb(0.3F)));
 
-  const auto breaking =
-      reinterpret_cast<void (*)(bool)>(dlsym(dlopen(FAKE_OIDN_2, RTLD_NOW), "fake_oidn_break"));
+  const auto breaking = reinterpret_cast<void (*)(bool)>(
+      dlsym(dlopen(test::fake_oidn(2).c_str(), RTLD_NOW), "fake_oidn_break"));
   fs::remove(output.exr);
   breaking(true);
   const auto failed = write_images(output, {*bytes});

@@ -14,22 +14,23 @@
 
 #include "common/image/image.h"
 #include "tests/temporary_folder.h"
+#include "tests/unit/fake_oidn.h"
 
 namespace candela::image {
 namespace {
 
 // The fake library's own function, loaded.
 template <class Function>
-Function of_fake(const char* library, const char* name) {
-  void* const loaded = dlopen(library, RTLD_NOW | RTLD_LOCAL);
+Function of_fake(const std::string& library, const char* name) {
+  void* const loaded = dlopen(library.c_str(), RTLD_NOW | RTLD_LOCAL);
   EXPECT_NE(loaded, nullptr) << dlerror();
   return loaded == nullptr ? nullptr : reinterpret_cast<Function>(dlsym(loaded, name));
 }
 
-class Denoise : public testing::TestWithParam<const char*> {
+class Denoise : public testing::TestWithParam<std::string> {
  protected:
   std::shared_ptr<const Denoiser> fake() const {
-    const char* const libraries[] = {"libAbsentDenoise.so.7", GetParam()};
+    const char* const libraries[] = {"libAbsentDenoise.so.7", library_.c_str()};
     const auto loaded = Denoiser::load(libraries);
     EXPECT_TRUE(loaded.ok()) << loaded.error().to_string();
     return loaded.ok() ? *loaded : nullptr;
@@ -45,6 +46,7 @@ class Denoise : public testing::TestWithParam<const char*> {
     return path;
   }
 
+  const std::string library_ = GetParam();
   const std::vector<float> color_ = {1, 2, 3, 4, 5, 6};
   const std::vector<float> albedo_ = {0.5F, 0.25F, 0, 0.5F, 0.75F, 1};
   const std::vector<float> normal_ = {0, 0, 1, 0, -1, 0};
@@ -52,7 +54,7 @@ class Denoise : public testing::TestWithParam<const char*> {
   test::TemporaryFolder folder_;
 };
 
-INSTANTIATE_TEST_SUITE_P(Versions, Denoise, testing::Values(FAKE_OIDN_1, FAKE_OIDN_2));
+INSTANTIATE_TEST_SUITE_P(Versions, Denoise, testing::Values(test::fake_oidn(1), test::fake_oidn(2)));
 
 // Claim: the color is filtered by guides that were filtered themselves, in the order that the library wants;
 // without an albedo the normal is no guide; what is not finite counts as black; all is released.
