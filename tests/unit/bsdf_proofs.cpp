@@ -9,6 +9,7 @@
 #include <memory>
 #include <ostream>
 
+#include "bsdf_proof_steps.h"
 #include "bsdf_quadrature.h"
 #include "chi_squared.h"
 #include "common/base/files.h"
@@ -27,68 +28,6 @@ constexpr float kLast = 1 - 0x1p-24f;  // the largest number a sampler gives
 constexpr double kQuadrature = 5e-4;   // error aimed at
 constexpr double kQuadratureMost = 2e-3;
 constexpr double kTolerance = 1e-3;  // of ratios of floats, above what the directions' rounding makes of them
-
-bool long_form() {
-  const char* text = std::getenv("CANDELA_LONG");
-  return text != nullptr && std::string(text) == "1";
-}
-
-std::uint64_t seed_of(const std::string& name) {
-  std::uint64_t key = 0;
-  for (const char c : name) key = rng::combine(key, static_cast<unsigned char>(c));
-  return key;
-}
-
-Vec3 direction(double cos_theta, double phi) {
-  const double s = std::sqrt(std::max(0.0, (1 - cos_theta) * (1 + cos_theta)));
-  return {static_cast<float>(s * std::cos(phi)), static_cast<float>(s * std::sin(phi)),
-          static_cast<float>(cos_theta)};
-}
-
-TransportMode other(TransportMode mode) {
-  return mode == TransportMode::radiance ? TransportMode::importance : TransportMode::radiance;
-}
-
-double largest(Spectrum s) {
-  return static_cast<double>(s.max_component());
-}
-std::array<double, 3> channels(Spectrum s) {
-  return {static_cast<double>(s.r), static_cast<double>(s.g), static_cast<double>(s.b)};
-}
-bool sound(Spectrum s) {
-  return std::isfinite(s.r) && std::isfinite(s.g) && std::isfinite(s.b) && s.r >= 0 && s.g >= 0 && s.b >= 0;
-}
-
-std::string shown(Vec3 w) {
-  return fmt::format("({} {} {})", w.x, w.y, w.z);
-}
-
-bool draw(const Closure& closure, Vec3 wo, rng::Stream& stream, TransportMode mode, BsdfSample& out) {
-  const float u_lobe = stream.next_float();
-  const float ux = stream.next_float();
-  const float uy = stream.next_float();
-  return closure.sample(wo, u_lobe, {ux, uy}, mode, out);
-}
-
-// Directions are known to a rounding error; a density is known to what that makes of it.
-constexpr float kRounding = 2e-7f;
-template <class Function>
-double relative_spread(Vec3 wo, Vec3 wi, std::uint64_t key, const Function& f) {
-  rng::Stream stream(key);
-  const double here = f(wo, wi);
-  double most = 0;
-  for (int i = 0; i < 4; ++i) {
-    const Vec3 o = normalize(wo + uniform_direction(stream) * kRounding);
-    const Vec3 in = normalize(wi + uniform_direction(stream) * kRounding);
-    most = std::max(most, std::abs(f(o, in) - here));
-  }
-  return here > 0 ? most / here : 1e9;
-}
-
-struct DeltaLobe {
-  BsdfSample sample;
-  int count = 0;
-};
 
 class Proof {
  public:
@@ -617,7 +556,8 @@ int prove_bsdf(const BsdfConfiguration& configuration, double alarm) {
     return Proof(configuration, alarm).run();
   }
   proofs::film(what, Proof(configuration, alarm).bits());
-  for (const char* file : {"bsdf_proofs.cpp", "bsdf_quadrature.cpp", "bsdf_quadrature.h", "chi_squared.h"}) {
+  for (const char* file : {"bsdf_proofs.cpp", "bsdf_proof_steps.h", "bsdf_quadrature.cpp",
+                           "bsdf_quadrature.h", "chi_squared.h"}) {
     const auto text = read_file(source_path(std::string("tests/unit/") + file), 1 << 20);
     proofs::fact(file, text.ok() ? *text : std::string());
   }
