@@ -1,4 +1,4 @@
-// Huge pages for large arrays that are about to be filled. With pages of 4 KiB a third of the CPU that
+// Huge pages for large arrays that are about to be filled. With pages of 4 KiB a quarter of the CPU that
 // reading a large mesh took was the kernel's: one fault for each page.
 #pragma once
 

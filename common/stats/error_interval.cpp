@@ -192,7 +192,7 @@ class Bands {
 class Neighborhoods {
  public:
   explicit Neighborhoods(std::size_t values) : columns_(values), along_(values + film::kChannels) {}
-  // Of the rows [y0, y1) of one member.
+  // Sums one member over the rows [y0, y1).
   void fill(const Rows& rows, std::uint32_t y0, std::uint32_t y1, Row Rows::Slot::*member) {
     std::fill(columns_.begin(), columns_.end(), 0.0);
     for (std::uint32_t y = y0; y < y1; ++y) {

@@ -32,7 +32,7 @@ class FewPrimitives {
   bool whole() const { return whole_; }
 
   // False: a ray of this length meets none of the round primitives, which lie together in a ball. Most rays
-  // in a scene of meshes pass it by, and this takes a fifth of the time that the primitives themselves do.
+  // in a scene of meshes pass it by.
   bool may_meet_round(const Ray& ray, float length) const {
     const Vec3 o = ray.origin, d = ray.direction, from = o - middle_;
     // Errors are bounded as in for_each_met().
