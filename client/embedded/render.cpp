@@ -270,10 +270,12 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   const auto mode = options.resume  ? StateFolder::Mode::resume
                     : options.fresh ? StateFolder::Mode::fresh
                                     : StateFolder::Mode::create;
+  // Before the folder: Ctrl-C right after would leave it without a job, and keep the next render from
+  // starting.
+  const StopSignals signals;
   CANDELA_ASSIGN(const std::unique_ptr<StateFolder> folder,
                  StateFolder::open(StateFolder::path_for(image), mode));
 
-  const StopSignals signals;
   ProgressLine progress(context.err, ProgressLine::mode_for(options.quiet));
   auto started = LocalFarm::start(folder->farm(), options.page.value_or(""));
   if (!started) {  // a folder without a job would only keep the next render from starting
