@@ -197,7 +197,7 @@ TEST_F(Steering, UrgentJobsCutSegmentsShort) {
 // Claim: `candela render` interrupted by Ctrl-C saves the image of what is there, which can be made again,
 // and goes on with --resume to the image an uninterrupted render makes; so it does after SIGKILL.
 TEST_F(Steering, RenderInterruptedAndResumed) {
-  constexpr std::uint64_t iterations = 4000;
+  constexpr std::uint64_t iterations = 3000;
   const std::string out = (farm_.folder() / "r.exr").string();
   std::vector<std::string> command = {"render", scene_path("cornell"), "-o", out, "--threads", "1"};
   for (const std::string& word : job_options(iterations)) command.push_back(word);

@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "common/edits/edits.h"
@@ -166,14 +167,15 @@ struct Term {
   double gamma;
   V factor;
 };
-// The directions that an edit of v sums over, in a surface of normal g.
-std::vector<Term> terms_of(const edits::EditList& list, bool of_light, V x, V g, V v) {
+// The directions that an edit of v sums over, in a surface of normal g; `matrices`: one an edit, of x.
+std::vector<Term> terms_of(const edits::EditList& list, const std::vector<Matrix>& matrices, bool of_light,
+                           V x, V g, V v) {
   std::vector<Term> terms = {{v, 1, {1, 1, 1}}};
   for (std::size_t k = list.edits.size(); k-- > 0;) {
     const edits::Edit& edit = list.edits[k];
     if ((edit.direction == edits::Edit::Direction::light) != of_light) continue;
     const letters::Region* region = edit.source.empty() ? nullptr : list.region(edit.source);
-    const Matrix b = matrix_of(edit, x);
+    const Matrix& b = matrices[k];
     std::vector<Term> before;
     for (const Term& t : terms) {
       const V back = b.solve(t.w);
@@ -191,33 +193,52 @@ std::vector<Term> terms_of(const edits::EditList& list, bool of_light, V x, V g,
   return terms;
 }
 
+constexpr V kBulb{2.6, 1.2, 2.4}, kPanelNormal{1, 0, 0};
+constexpr int kRows = 64, kColumns = 96;
+
+// A cell of the panel: all that no point of the floor changes.
+struct Cell {
+  V x, i;  // center, direction to the bulb
+  std::vector<Matrix> matrices;
+  std::vector<Term> eye_terms;
+};
+std::vector<Cell> cells_of(const edits::EditList& list) {
+  std::vector<Cell> cells;
+  for (int row = 0; row < kRows; ++row)
+    for (int column = 0; column < kColumns; ++column) {
+      const V x{0, 4 * (column + 0.5) / kColumns, 0.8 + 2 * (row + 0.5) / kRows};
+      Cell cell{x, unit(kBulb - x), {}, {}};
+      for (const edits::Edit& edit : list.edits) cell.matrices.push_back(matrix_of(edit, x));
+      cell.eye_terms = terms_of(list, cell.matrices, false, x, kPanelNormal, cell.i);
+      cells.push_back(std::move(cell));
+    }
+  return cells;
+}
+
 // Radiance of the floor at y: the light's own, and by the panel.
-V floor_radiance(const edits::EditList& list, const Lobes& lobes, V y) {
-  const V bulb{2.6, 1.2, 2.4}, up{0, 0, 1}, g{1, 0, 0};
+V floor_radiance(const edits::EditList& list, const std::vector<Cell>& cells, const Lobes& lobes, V y) {
+  const V bulb = kBulb, up{0, 0, 1}, g = kPanelNormal;
   const double intensity = 8, albedo = 0.6;
   const V to_bulb = bulb - y;
   const double r2 = dot(to_bulb, to_bulb);
   const double direct = intensity * dot(unit(to_bulb), up) / r2;
   V e{direct, direct, direct};
-  constexpr int kRows = 64, kColumns = 96;
-  const double cell = 2.0 / kRows * 4.0 / kColumns;
-  for (int row = 0; row < kRows; ++row)
-    for (int column = 0; column < kColumns; ++column) {
-      const V x{0, 4 * (column + 0.5) / kColumns, 0.8 + 2 * (row + 0.5) / kRows};
-      const V i = unit(bulb - x), to_floor = y - x, o = unit(to_floor);
-      const double lit = intensity / dot(bulb - x, bulb - x);
-      const double geometry = dot(o, g) * -dot(o, up) / dot(to_floor, to_floor) * cell;
-      // f'(i -> o) |i.g|, in which the cosine of i is the real one.
-      for (const Term& a : terms_of(list, true, x, g, o))
-        for (const Term& b : terms_of(list, false, x, g, i)) {
-          const V mirrored = g * (2 * dot(b.w, g)) - b.w;
-          const double lobe = std::pow(std::max(0.0, dot(mirrored, a.w)), 20);
-          const double f =
-              lobes.diffuse / std::numbers::pi + lobes.specular * 22 / (2 * std::numbers::pi) * lobe;
-          for (std::size_t c = 0; c < 3; ++c)
-            e[c] += f * a.gamma * b.gamma * a.factor[c] * b.factor[c] * lit * dot(i, g) * geometry;
-        }
-    }
+  const double area = 2.0 / kRows * 4.0 / kColumns;
+  for (const Cell& cell : cells) {
+    const V to_floor = y - cell.x, o = unit(to_floor);
+    const double lit = intensity / dot(bulb - cell.x, bulb - cell.x);
+    const double geometry = dot(o, g) * -dot(o, up) / dot(to_floor, to_floor) * area;
+    // f'(i -> o) |i.g|, in which the cosine of i is the real one.
+    for (const Term& a : terms_of(list, cell.matrices, true, cell.x, g, o))
+      for (const Term& b : cell.eye_terms) {
+        const V mirrored = g * (2 * dot(b.w, g)) - b.w;
+        const double lobe = std::pow(std::max(0.0, dot(mirrored, a.w)), 20);
+        const double f =
+            lobes.diffuse / std::numbers::pi + lobes.specular * 22 / (2 * std::numbers::pi) * lobe;
+        for (std::size_t c = 0; c < 3; ++c)
+          e[c] += f * a.gamma * b.gamma * a.factor[c] * b.factor[c] * lit * dot(cell.i, g) * geometry;
+      }
+  }
   return e * (albedo / std::numbers::pi);
 }
 
@@ -225,6 +246,7 @@ V floor_radiance(const edits::EditList& list, const Lobes& lobes, V y) {
 Estimator quadrature(const PanelCase& c, const Regions& regions) {
   const auto list = edits::parse_edits(c.edit.text);
   if (!list.ok()) throw std::runtime_error(list.error().to_string());
+  const std::vector<Cell> cells = cells_of(*list);
   std::vector<double> image;
   const double half = 9 * std::tan(8 * std::numbers::pi / 180);
   constexpr int kSub = 1;
@@ -234,7 +256,7 @@ Estimator quadrature(const PanelCase& c, const Regions& regions) {
       for (int s = 0; s < kSub * kSub; ++s) {
         const double fx = (column + (s % kSub + 0.5) / kSub) / kSize * 2 - 1,
                      fy = (row + (s / kSub + 0.5) / kSub) / kSize * 2 - 1;
-        sum = sum + floor_radiance(*list, c.glossy ? kGlossyLobes : kMattLobes,
+        sum = sum + floor_radiance(*list, cells, c.glossy ? kGlossyLobes : kMattLobes,
                                    {1.7 + half * fx, 2 - half * fy, 0});
       }
       for (const double v : sum) image.push_back(v / (kSub * kSub));
