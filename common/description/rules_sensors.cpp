@@ -166,7 +166,7 @@ void add_integrators(std::vector<PluginRule>& table) {
   const std::vector<PropertyRule> chains = {
       ignored("luminance_samples", {integer}, their_own), ignored("direct_samples", {integer}, their_own),
       ignored("p_large", {number}, their_own),
-      flag("two_stage", "chains follow light over the brightness of the image (default false; mlt true)")};
+      flag("two_stage", "chains follow light over the brightness of the image (default true)")};
   std::vector<PropertyRule> over = chains;
   over.push_back(ignored("bidirectional", {boolean}, "0.6: --set over=bdpt or over=path"));
   add(integrators, words::kPssmlt, "Metropolis light transport in primary sample space", std::move(over));

@@ -29,7 +29,7 @@ struct ChainSettings {
   double large_step = 0.3;
   Choice direct{"chain", {"chain", "path"}};
   int direct_samples = 16;
-  bool two_stage = false;
+  bool two_stage = true;
 
   // `of_space`: the settings of the chains' state space, which stand amid these.
   template <class Visitor, class OfSpace>

@@ -44,7 +44,6 @@ struct MltSettings {
     chains.direct.value = "path";
     chains.large_step = 0.05;
     chains.direct_samples = 4;
-    chains.two_stage = true;
   }
 
   template <class Visitor>
