@@ -36,7 +36,7 @@ class EditsOnFarm : public testing::TestWithParam<std::string> {};
 // from what it says of itself.
 TEST_P(EditsOnFarm, SurviveDeathsToTheLastBit) {
   const bool chains = GetParam() == "mmlt";
-  const std::uint64_t iterations = chains ? 20 : 40;
+  const std::uint64_t iterations = chains ? 8 : 40, more = chains ? 8 : 20;
   const std::vector<std::string> options = options_for(GetParam());
   Farm farm;
   farm.start_master({"--unit-time", "0.05", "--checkpoint-interval", "0.05", "--lease-time", "2"});
@@ -51,12 +51,12 @@ TEST_P(EditsOnFarm, SurviveDeathsToTheLastBit) {
   farm.audit(id, iterations);
   expect_identical(farm.fetch(id), farm.render(iterations, "cornell", options), "with deaths");
 
-  farm.extend(id, 20);
+  farm.extend(id, more);
   farm.wait_for(id, v1::JOB_STATE_DONE);
   const image::Image extended = farm.fetch(id);
   // An extended job of chains keeps the settings that its first limit gave; `reproduce` knows them.
-  if (!chains) expect_identical(extended, farm.render(iterations + 20, "cornell", options), "extended");
-  EXPECT_TRUE(differ(extended, farm.render(iterations + 20, "cornell", options_for(GetParam(), "none"))));
+  if (!chains) expect_identical(extended, farm.render(iterations + more, "cornell", options), "extended");
+  EXPECT_TRUE(differ(extended, farm.render(iterations + more, "cornell", options_for(GetParam(), "none"))));
 
   const std::string file = (farm.folder().path() / "picture.exr").string();
   ASSERT_EQ(farm.candela({"fetch", id, "-o", file}).exit_code, 0);
