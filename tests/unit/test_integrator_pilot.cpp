@@ -132,8 +132,15 @@ TEST(Decisions, AreTheSameBytes) {
     EXPECT_EQ(one.state.decided.size(), 4 + 8 * decider.numbers) << decider.integrator;
     EXPECT_EQ(one.plan, make(decider.integrator, decider.chosen)->plan_text().value()) << decider.integrator;
   }
-  for (const char* integrator : {"path", "bdpt", "light", "pssmlt", "mmlt"})
+  for (const char* integrator : {"path", "bdpt", "light"})
     EXPECT_EQ(pilot_of(*make(integrator)).state.decided, "") << integrator;
+  for (const char* integrator : {"pssmlt", "mmlt"}) {
+    const auto two = make(integrator)->pilot({3});
+    ASSERT_TRUE(two.ok());
+    EXPECT_NE(two->state.decided, "") << integrator;
+    EXPECT_EQ(pilot_of(*make(integrator)).state, two->state) << integrator;
+    EXPECT_EQ(pilot_of(*make(integrator, {{"two_stage", "false"}})).state.decided, "") << integrator;
+  }
 }
 
 // Claim: a unit renders by the radius that it is given, not by one that it chooses, bit for bit.
