@@ -6,6 +6,7 @@
 #include <cmath>
 #include <tuple>
 
+#include "common/base/huge_page_advice.h"
 #include "common/base/work_monitor.h"
 #include "worker/scene/shapes/geometry_steps.h"
 
@@ -125,9 +126,11 @@ std::vector<Flat> flats_of(const Geometry& geometry, const std::vector<bool>* lo
         else if (shape != flat.shape)
           shape = kSeveral;
       });
-  for_each_flat(
-      geometry, looked_at, [&](std::size_t number) { return shape_of[slots[number]] != kSeveral; },
-      [&](std::size_t, const Flat& flat) { flats.push_back(flat); });
+  const auto alone = [&](std::size_t number) { return shape_of[slots[number]] != kSeveral; };
+  std::size_t count = 0;
+  for (std::size_t number = 0; number < slots.size(); ++number) count += alone(number) ? 0 : 1;
+  reserve_huge(flats, count);
+  for_each_flat(geometry, looked_at, alone, [&](std::size_t, const Flat& flat) { flats.push_back(flat); });
   return flats;
 }
 
