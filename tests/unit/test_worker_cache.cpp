@@ -90,6 +90,30 @@ TEST_F(BlobCacheTest, ABundleKeepsAFileForTheNextOpen) {
   EXPECT_FALSE(source.open("other.ply").ok());
 }
 
+// Claim: a bundle's file that is only asked for is not read then, and not kept when it is opened; one that is
+// begun or searched for materials is.
+TEST_F(BlobCacheTest, ABundleKeepsWhatIsOpenedAgain) {
+  const std::string content(1000, 'a');
+  for (const auto& [key, begun, fetches] :
+       {std::tuple("a.ply", false, 2), std::tuple("a.ply", true, 1), std::tuple("a.obj", false, 1)}) {
+    auto cache = open(1 << 20);
+    const fs::path path = cache->path_of(sha256_hex(content));
+    fs::remove(path);
+    bundle::Bundle bundle;
+    bundle.files.push_back({key, sha256_hex(content), content.size()});
+    const BlobCache::Fetch fetch = serve(content);
+    BundleSource source(bundle, *cache, fetch);
+    const int before = fetches_;
+    EXPECT_TRUE(source.find(key).ok());
+    EXPECT_FALSE(source.find("other").ok());
+    EXPECT_EQ(fetches_, before);
+    EXPECT_EQ((begun ? source.start(key, 10) : source.open(key))->view.substr(0, 10), content.substr(0, 10));
+    fs::remove(path);
+    EXPECT_EQ(source.open(key)->view, content);
+    EXPECT_EQ(fetches_, before + fetches) << key;
+  }
+}
+
 // Claim: bytes that do not have the name's hash, or another length, are refused and leave nothing behind.
 TEST_F(BlobCacheTest, WrongBytesAreRefused) {
   auto cache = open(1 << 20);
