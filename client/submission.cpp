@@ -18,8 +18,8 @@ namespace {
 
 // Uploads what the farm lacks, and submits. The bytes uploaded go to `total`.
 Result<v1::SubmitResponse> upload_and_submit(FarmClient& farm, const LoadedScene& scene,
-                                             const v1::SubmitRequest& request, ProgressLine& progress,
-                                             std::uint64_t& total) {
+                                             const Submission& submission, const v1::SubmitRequest& request,
+                                             ProgressLine& progress, std::uint64_t& total) {
   // Equal files under two keys are one blob.
   std::map<std::string, const bundle::File*> blobs;
   for (const bundle::File& file : scene.gathered.bundle.files) blobs.emplace(file.sha256, &file);
@@ -39,9 +39,10 @@ Result<v1::SubmitResponse> upload_and_submit(FarmClient& farm, const LoadedScene
     if (path == scene.gathered.real_paths.end())
       return internal_error(
           fmt::format("the bundle's file '{}' has no place on this disk", printable(file.path)));
-    CANDELA_TRY(farm.upload_blob(hash, file.size_bytes, path->second, [&](std::uint64_t sent) {
-      progress.show(fmt::format("uploading {} of {}", format_bytes(before + sent), format_bytes(total)));
-    }));
+    if (!submission.take || !submission.take(file, path->second).ok())
+      CANDELA_TRY(farm.upload_blob(hash, file.size_bytes, path->second, [&](std::uint64_t sent) {
+        progress.show(fmt::format("uploading {} of {}", format_bytes(before + sent), format_bytes(total)));
+      }));
     before += file.size_bytes;
   }
   progress.clear();
@@ -111,11 +112,11 @@ Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const
   CANDELA_TRY(check_limits(farm, scene, facts));
   const v1::SubmitRequest request = request_of(scene, submission);
   std::uint64_t uploaded = 0;
-  auto response = upload_and_submit(farm, scene, request, progress, uploaded);
+  auto response = upload_and_submit(farm, scene, submission, request, progress, uploaded);
   // The farm may have found damage in a file only now, and lack it since.
   if (!response.ok() && response.error().kind == ErrorKind::refused &&
       response.error().field == "bundle.files")
-    response = upload_and_submit(farm, scene, request, progress, uploaded);
+    response = upload_and_submit(farm, scene, submission, request, progress, uploaded);
   if (!response.ok()) return std::move(response).error();
   return Submitted{response->job_id(), response->existed(), uploaded, response->group_id()};
 }

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,6 +21,8 @@ struct Submission {
   std::optional<v1::Frame> frame;    // of a group
   std::vector<std::string> depends;  // ids
   std::string token;                 // idempotency; empty: a random one, so that our own retries are safe
+  // Gives a farm of this process a file; null, or an error: it is uploaded.
+  std::function<Result<void>(const bundle::File&, const std::filesystem::path&)> take = nullptr;
 };
 
 struct Submitted {

@@ -117,6 +117,12 @@ class MasterImpl final : public Master {
   std::filesystem::path blob_file(const std::string& sha256) const override {
     return farm_->blobs().path(sha256);
   }
+  Result<void> take_blob(const std::string& sha256, std::uint64_t size_bytes,
+                         const std::filesystem::path& file) override {
+    CANDELA_TRY(farm_->blobs().take(sha256, size_bytes, file));
+    farm_->blob_found(sha256);
+    return {};
+  }
   void flush_images() override { farm_->flush_images(); }
 
   void stop() override {

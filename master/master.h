@@ -26,6 +26,9 @@ class Master {
   // The file that holds a blob, if the store has it: for a worker of this process. Precondition:
   // is_sha256_hex(sha256).
   virtual std::filesystem::path blob_file(const std::string& sha256) const = 0;
+  // Stores a file of this machine as a blob: for a client of this process. The same precondition.
+  virtual Result<void> take_blob(const std::string& sha256, std::uint64_t size_bytes,
+                                 const std::filesystem::path& file) = 0;
   virtual void flush_images() = 0;  // write every running job's checkpoint and image now
   virtual void stop() = 0;          // idempotent; returns when the last checkpoint is on disk
 };

@@ -65,6 +65,10 @@ int LocalFarm::page_port() const {
   return state_->master->http_port();
 }
 
+Result<void> LocalFarm::take(const bundle::File& file, const std::filesystem::path& path) {
+  return state_->master->take_blob(file.sha256, file.size_bytes, path);
+}
+
 Result<void> LocalFarm::start_workers(const std::vector<unsigned>& threads,
                                       const std::filesystem::path& cache_dir,
                                       std::uint64_t texture_memory_bytes, std::uint64_t scene_memory_bytes) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/job/bundle.h"
 
 namespace grpc {
 class Channel;
@@ -27,6 +28,8 @@ class LocalFarm {
   int page_port() const;  // 0: no page
   // The token with which a browser reads the page.
   Result<std::string> page_token() const;
+  // Stores a file of the scene without a call, which would copy and hash it once more at either end.
+  Result<void> take(const bundle::File& file, const std::filesystem::path& path);
   // One worker for each entry, of so many threads. They share `texture_memory_bytes` and
   // `scene_memory_bytes` (0: the defaults).
   Result<void> start_workers(const std::vector<unsigned>& threads, const std::filesystem::path& cache_dir,

@@ -291,6 +291,9 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   if (id.empty()) {
     Submission submission;
     submission.name = name;
+    submission.take = [&](const bundle::File& file, const std::filesystem::path& path) {
+      return farm->take(file, path);
+    };
     auto submitted = submit_scene(*client, scene, context.facts, submission, progress);
     if (!submitted) {
       farm->stop();

@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <cstring>
@@ -52,6 +53,21 @@ Result<void> read_all(int fd, char* data, std::uint64_t size, const std::filesys
   return {};
 }
 
+// `size` bytes, or fewer of a file that shrinks meanwhile.
+Result<std::string> read_up_to(int fd, std::uint64_t size, const std::filesystem::path& path) {
+  std::string data(size, '\0');
+  std::size_t done = 0;
+  while (done < data.size()) {
+    const ssize_t n = ::read(fd, data.data() + done, data.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return system_error("cannot read", path);
+    if (n == 0) break;
+    done += static_cast<std::size_t>(n);
+  }
+  data.resize(done);
+  return data;
+}
+
 }  // namespace
 
 Result<std::string> read_file(const std::filesystem::path& path, std::uint64_t limit_bytes) {
@@ -61,17 +77,37 @@ Result<std::string> read_file(const std::filesystem::path& path, std::uint64_t l
   if (size > limit_bytes)
     return input_error(fmt::format("the file has {} bytes, more than the limit of {}", size, limit_bytes))
         .at(path.string(), 0);
-  std::string data(size, '\0');
-  std::size_t done = 0;
-  while (done < data.size()) {
-    const ssize_t n = ::read(fd.get(), data.data() + done, data.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return system_error("cannot read", path);
-    if (n == 0) break;  // it shrank while we read; what is there is what we return
-    done += static_cast<std::size_t>(n);
+  return read_up_to(fd.get(), size, path);
+}
+
+Result<std::string> read_start(const std::filesystem::path& path, std::size_t count) {
+  const Descriptor fd(open_to_read(path));
+  if (fd.get() < 0) return system_error("cannot open", path);
+  CANDELA_ASSIGN(const std::uint64_t size, regular_file_size(fd.get(), path));
+  return read_up_to(fd.get(), std::min<std::uint64_t>(size, count), path);
+}
+
+Result<void> check_readable_file(const std::filesystem::path& path) {
+  const Descriptor fd(open_to_read(path));
+  if (fd.get() < 0) return system_error("cannot open", path);
+  CANDELA_TRY(regular_file_size(fd.get(), path));
+  return {};
+}
+
+Result<std::uint64_t> read_in_parts(const std::filesystem::path& path,
+                                    const std::function<Result<void>(std::string_view)>& visit) {
+  constexpr std::uint64_t kPart = std::uint64_t{256} << 10;  // stays in the processor's cache
+  const Descriptor fd(open_to_read(path));
+  if (fd.get() < 0) return system_error("cannot open", path);
+  CANDELA_ASSIGN(const std::uint64_t size, regular_file_size(fd.get(), path));
+  const auto buffer = std::make_unique_for_overwrite<char[]>(std::min(size, kPart));
+  for (std::uint64_t done = 0; done < size;) {
+    const std::uint64_t part = std::min(size - done, kPart);
+    CANDELA_TRY(read_all(fd.get(), buffer.get(), part, path));
+    CANDELA_TRY(visit({buffer.get(), part}));
+    done += part;
   }
-  data.resize(done);
-  return data;
+  return size;
 }
 
 Result<void> write_file_atomically(const std::filesystem::path& path, std::string_view data) {
@@ -124,7 +160,12 @@ Result<std::shared_ptr<const MappedFile>> MappedFile::open(const std::filesystem
   if (fd.get() < 0) return system_error("cannot open", path);
   CANDELA_ASSIGN(const std::uint64_t size, regular_file_size(fd.get(), path));
   auto file = std::shared_ptr<MappedFile>(new MappedFile);
-  if (size > 0) {
+  if (size > 0 && size <= kSmallBytes) {
+    file->small_ = std::make_unique_for_overwrite<char[]>(size);
+    CANDELA_TRY(read_all(fd.get(), file->small_.get(), size, path));
+    file->data_ = file->small_.get();
+    file->size_ = size;
+  } else if (size > 0) {
     const bool copied = size <= kCopiedBytes;
     void* data = copied ? ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0)
                         : ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, fd.get(), 0);
@@ -138,7 +179,7 @@ Result<std::shared_ptr<const MappedFile>> MappedFile::open(const std::filesystem
 }
 
 MappedFile::~MappedFile() {
-  if (data_ != nullptr) ::munmap(const_cast<char*>(data_), size_);
+  if (data_ != nullptr && !small_) ::munmap(const_cast<char*>(data_), size_);
 }
 
 }  // namespace candela

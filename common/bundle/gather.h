@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -22,6 +23,8 @@ class DiskSource final : public description::FileSource {
  public:
   explicit DiskSource(std::filesystem::path root) : root_(std::move(root)) {}
   Result<Bytes> open(const std::string& key) const override;
+  Result<Bytes> start(const std::string& key, std::size_t count) const override;
+  Result<void> find(const std::string& key) const override;
   std::filesystem::path real_path(const std::string& key) const;
 
  private:
@@ -42,11 +45,19 @@ struct GatheredScene {
 // its times have changed.
 class FileHashes {
  public:
+  using Stamp = std::array<std::int64_t, 7>;  // size, device, file number, times of content and status
+  // None: nobody can ask for it.
+  static std::optional<Stamp> stamp_of(const std::filesystem::path& file);
+
   std::string sha256(const std::filesystem::path& file, std::string_view bytes);
+  // Hash and size, if they were taken before.
+  std::optional<std::pair<std::string, std::uint64_t>> known(const std::filesystem::path& file) const;
+  // The hash of the bytes that were read since the file had this stamp; kept if it still has it.
+  void learn(const std::filesystem::path& file, const Stamp& before, std::string sha256);
 
  private:
   struct Known {
-    std::array<std::int64_t, 7> stamp{};  // device, file number, size, times of content and status
+    Stamp stamp{};
     std::string sha256;
   };
   std::map<std::filesystem::path, Known> known_;

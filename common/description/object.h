@@ -84,6 +84,14 @@ class FileSource {
   };
   virtual Result<Bytes> open(
       const std::string& key) const = 0;  // error names the key and, at the client, the file
+  // The first bytes of a file, at least `count` if it has so many. Sources that need not read the rest do
+  // not.
+  virtual Result<Bytes> start(const std::string& key, std::size_t /*count*/) const { return open(key); }
+  // Fails if the file is not there or cannot be opened. Sources that can tell without reading it do so.
+  virtual Result<void> find(const std::string& key) const {
+    if (auto opened = open(key); !opened.ok()) return std::move(opened).error();
+    return {};
+  }
   // The memory that what is read from these files may take (reading_budget.h); without a limit if nobody
   // says.
   virtual ReadingBudget& budget() const;

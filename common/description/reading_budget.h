@@ -132,6 +132,10 @@ class BudgetedFiles final : public FileSource {
  public:
   BudgetedFiles(const FileSource& files, ReadingBudget& budget) : files_(files), budget_(budget) {}
   Result<Bytes> open(const std::string& key) const override { return files_.open(key); }
+  Result<Bytes> start(const std::string& key, std::size_t count) const override {
+    return files_.start(key, count);
+  }
+  Result<void> find(const std::string& key) const override { return files_.find(key); }
   ReadingBudget& budget() const override { return budget_; }
 
  private:

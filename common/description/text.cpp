@@ -3,6 +3,8 @@
 #include <charconv>
 #include <cmath>
 
+#include "common/base/plain_decimal.h"
+
 namespace candela::description::text {
 namespace {
 
@@ -38,6 +40,7 @@ std::optional<double> to_number(std::string_view text) {
   text = without_plus(trim(text));
   double value = 0;
   const char* end = text.data() + text.size();
+  if (!text.empty() && read_plain_decimal(text.data(), end, value) == end) return value;
   const auto [stop, code] = std::from_chars(text.data(), end, value);
   if (code != std::errc() || stop != end || text.empty() || !std::isfinite(value)) return std::nullopt;
   return value;

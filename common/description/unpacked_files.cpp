@@ -97,6 +97,16 @@ Result<FileSource::Bytes> UnpackedFiles::open(const std::string& key) const {
 }
 
 Result<FileSource::Bytes> UnpackedFiles::open(const std::string& key, std::size_t max_bytes) const {
+  if (key.ends_with(".pbrt")) {
+    const Lock lock(mutex_);
+    if (key != text_key_) {
+      text_ = {};
+      text_key_.clear();
+      CANDELA_ASSIGN(text_, files_.open(key));
+      text_key_ = key;
+    }
+    return text_;
+  }
   if (!key.ends_with(".gz")) return files_.open(key);
   const Lock lock(mutex_);
   if (const auto known = unpacked_.find(key); known != unpacked_.end()) {
@@ -112,17 +122,12 @@ Result<FileSource::Bytes> UnpackedFiles::open(const std::string& key, std::size_
 }
 
 Result<FileSource::Bytes> UnpackedFiles::start(const std::string& key, std::size_t count) const {
-  CANDELA_ASSIGN(Bytes bytes, files_.open(key));
-  if (!key.ends_with(".gz")) return bytes;
+  if (!key.ends_with(".gz")) return files_.start(key, count);
+  CANDELA_ASSIGN(const Bytes bytes, files_.open(key));
   CANDELA_ASSIGN(Content content, unpack(bytes, key, count));
   auto owner = std::make_shared<const Content>(std::move(content));
   const std::string_view view = owner->text;
   return Bytes{std::move(owner), view};
-}
-
-Result<void> UnpackedFiles::find(const std::string& key) const {
-  CANDELA_ASSIGN([[maybe_unused]] const Bytes bytes, files_.open(key));
-  return {};
 }
 
 }  // namespace candela::description

@@ -199,6 +199,14 @@ Result<std::unique_ptr<BlobStore::Upload>> BlobStore::begin(const std::string& s
   return upload;
 }
 
+Result<void> BlobStore::take(const std::string& sha256, std::uint64_t size_bytes,
+                             const std::filesystem::path& file) {
+  CANDELA_ASSIGN(const std::unique_ptr<Upload> upload, begin(sha256, size_bytes));
+  if (size(sha256) == size_bytes) return {};
+  CANDELA_TRY(read_in_parts(file, [&](std::string_view part) { return upload->append(part); }));
+  return upload->finish();
+}
+
 BlobStore::Upload::~Upload() {
   if (fd_ < 0) return;
   ::close(fd_);

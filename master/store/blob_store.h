@@ -90,6 +90,10 @@ class BlobStore {
     std::uint64_t size_ = 0, received_ = 0;
     Sha256 hash_;
   };
+  // Stores a file of this disk, if the blob is not there yet. ErrorKind::failed: the file is not what the
+  // hash says.
+  Result<void> take(const std::string& sha256, std::uint64_t size_bytes, const std::filesystem::path& file);
+
   // Checks limits and the free space of the disk.
   Result<std::unique_ptr<Upload>> begin(const std::string& sha256, std::uint64_t size_bytes);
 

@@ -15,6 +15,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
+template <class T>
+std::string error_of(const Result<T>& result) {
+  return result.ok() ? "no error" : result.error().message;
+}
+
 // Claim: a pipe without a writer, a device without an end and a folder are refused at once; nothing waits for
 // them.
 TEST(Files, OnlyRegularFilesAreRead) {
@@ -29,8 +34,43 @@ TEST(Files, OnlyRegularFilesAreRead) {
     const auto mapped = MappedFile::open(path);
     ASSERT_FALSE(mapped.ok()) << path;
     EXPECT_EQ(mapped.error().kind, ErrorKind::input);
+    EXPECT_EQ(error_of(check_readable_file(path)), "not a regular file");
+    EXPECT_EQ(error_of(read_start(path, 10)), "not a regular file");
+    EXPECT_EQ(error_of(read_in_parts(path, [](std::string_view) { return Result<void>(); })),
+              "not a regular file");
   }
   fs::remove_all(folder);
+}
+
+// Claim: a file's parts joined are the file, whatever its size beside that of a part; its start is as long as
+// asked for or as the file; the first error of a visit ends the reading.
+TEST(Files, PartsAndStarts) {
+  const fs::path path = fs::temp_directory_path() / ("candela-parts-" + std::to_string(::getpid()));
+  for (const std::size_t size : {0U, 1U, 262143U, 262144U, 262145U, 700000U}) {
+    std::string bytes(size, ' ');
+    for (std::size_t i = 0; i < size; ++i) bytes[i] = static_cast<char>('a' + i * 7919 % 26);
+    std::ofstream(path, std::ios::binary) << bytes;
+    std::string joined;
+    const auto read = read_in_parts(path, [&](std::string_view part) -> Result<void> {
+      joined += part;
+      return {};
+    });
+    ASSERT_TRUE(read.ok()) << read.error().to_string();
+    EXPECT_EQ(*read, size);
+    EXPECT_TRUE(joined == bytes) << size;
+    EXPECT_EQ(*read_start(path, 5), bytes.substr(0, 5)) << size;
+    EXPECT_TRUE(*read_start(path, size + 5) == bytes) << size;
+  }
+  int visits = 0;
+  EXPECT_EQ(error_of(read_in_parts(path,
+                                   [&](std::string_view) -> Result<void> {
+                                     ++visits;
+                                     return input_error("enough");
+                                   })),
+            "enough");
+  EXPECT_EQ(visits, 1);
+  fs::remove(path);
+  EXPECT_FALSE(check_readable_file(path).ok());
 }
 
 // Claim: a file that is cut short while it is open keeps its bytes and kills nobody.

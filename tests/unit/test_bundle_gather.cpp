@@ -192,7 +192,33 @@ TEST(FileHashes, AreTakenOnceForAFile) {
   fs::last_write_time(file, fs::last_write_time(file) + std::chrono::seconds(2));
   EXPECT_EQ(hashes.sha256(file, "xyz"), sha256_hex("xyz"));
   folder.write("mesh.ply", "longer");
+  EXPECT_FALSE(hashes.known(file)) << "it has changed since";
   EXPECT_EQ(hashes.sha256(file, "longer"), sha256_hex("longer"));
+  EXPECT_EQ(hashes.known(file), (std::pair<std::string, std::uint64_t>(sha256_hex("longer"), 6)));
+}
+
+// Claim: files that a scene only names or begins, as it does meshes, have the hash of all their bytes, and a
+// second scene that shares them does not take it again.
+TEST(FileHashes, OfFilesThatAreOnlyNamed) {
+  const Folder folder;
+  std::string mesh = "ply\nformat binary_little_endian 1.0\nend_header\n" + std::string(300000, 'x');
+  folder.write("a.ply", mesh);
+  folder.write("s.pbrt", "WorldBegin\nShape \"plymesh\" \"string filename\" \"a.ply\"\n");
+  folder.write(
+      "s.xml",
+      "<scene version='3.0.0'><shape type='ply'><string name='filename' value='a.ply'/></shape></scene>");
+  FileHashes hashes;
+  for (const char* scene : {"s.xml", "s.pbrt"}) {
+    for (FileHashes* shared : {static_cast<FileHashes*>(nullptr), &hashes, &hashes}) {
+      const auto gathered = gather(folder.path() / scene, {}, {}, 0, shared);
+      ASSERT_TRUE(gathered.ok()) << gathered.error().to_string();
+      const File* file = gathered->bundle.find("a.ply");
+      ASSERT_NE(file, nullptr);
+      EXPECT_EQ(file->sha256, sha256_hex(mesh));
+      EXPECT_EQ(file->size_bytes, mesh.size());
+    }
+  }
+  EXPECT_TRUE(hashes.known(folder.path() / "a.ply"));
 }
 
 }  // namespace

@@ -44,6 +44,22 @@ TEST(PbrtMesh, TriangleMeshIsAsWritten) {
   EXPECT_EQ(pbrt_mesh("Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]").triangles.size(), 1U);
 }
 
+// Claim: numbers of a list are what they say, however they are written and whatever stands between them; what
+// is none is an error of its line.
+TEST(PbrtMesh, NumbersOfEverySpelling) {
+  const Mesh mesh = pbrt_mesh(
+      "Shape \"trianglemesh\" \"integer indices\" [0 1 2\t2 1 3e0] \"point3 P\" [+1 .5 -.25\r\n2. 1e1 -0 # "
+      "7\n"
+      "0.1 123456789.123456789 -12.5E-1 3 4 5]");
+  ASSERT_EQ(mesh.positions.size(), 4U);
+  EXPECT_EQ(mesh.positions[0], (Vec3{1, 0.5f, -0.25f}));
+  EXPECT_EQ(mesh.positions[1], (Vec3{2, 10, 0}));
+  EXPECT_EQ(mesh.positions[2], (Vec3{0.1f, 123456789.123456789f, -1.25f}));
+  EXPECT_EQ(mesh.triangles.back(), (std::array<std::uint32_t, 3>{2, 1, 3}));
+  EXPECT_EQ(pbrt_error("Shape \"trianglemesh\" \"point3 P\" [0 1 2\n3 4x 5]").substr(0, 9), "a.pbrt:8:");
+  EXPECT_EQ(pbrt_error("Shape \"trianglemesh\" \"integer indices\" [0 1\n\n 2.5]").substr(0, 9), "a.pbrt:9:");
+}
+
 TEST(PbrtMesh, FlatPatchesAreTwoTriangles) {
   const Mesh flat = pbrt_mesh("Shape \"bilinearmesh\" \"point3 P\" [0 0 0 2 0 0 0 1 0 2 1 0]");
   EXPECT_EQ(flat.triangles.size(), 2U);

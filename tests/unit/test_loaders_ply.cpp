@@ -303,6 +303,53 @@ TEST(PlyLoader, SurvivesMutations) {
   }
 }
 
+// Claim: vertices of floats in this machine's byte order, whatever the order of their properties, are those
+// of the other byte order and of doubles; normals that are not finite are none, and a first vertex that is
+// not finite is named, also for half of its (u, v).
+TEST(LoadersPly, FloatsAreReadAsAnyOtherNumbers) {
+  const std::vector<std::string> names = {"v", "nx", "q", "z", "x", "nz", "u", "y", "ny"};
+  const auto file = [&](bool big, bool doubles, std::size_t left_out, std::size_t odd, float value) {
+    std::string rest = "element vertex 40\n";
+    for (std::size_t k = 0; k < names.size(); ++k)
+      if (k != left_out) rest += fmt::format("property {} {}\n", doubles ? "double" : "float", names[k]);
+    rest += "element face 1\nproperty list uchar int vertex_indices\n";
+    std::string out = header(big ? "binary_big_endian" : "binary_little_endian", rest);
+    rng::Stream stream(3);
+    for (std::size_t i = 0; i < 40; ++i)
+      for (std::size_t k = 0; k < names.size(); ++k) {
+        const float number = i == 30 && k == odd ? value : 2 * stream.next_float() - 1;
+        if (k == left_out) continue;
+        if (doubles)
+          put<double>(out, static_cast<double>(number), big);
+        else
+          put<float>(out, number, big);
+      }
+    put<std::uint8_t>(out, 3, big);
+    for (const std::int32_t v : {0, 1, 2}) put<std::int32_t>(out, v, big);
+    return out;
+  };
+  const std::size_t none = names.size();
+  const Vec3d origin{0.25, -0.125, 3};
+  for (const std::size_t odd : {none, std::size_t{1}, std::size_t{5}}) {
+    const auto plain = load_ply(file(false, false, none, odd, NAN), "a.ply", {}, origin);
+    ASSERT_TRUE(plain.ok());
+    EXPECT_EQ(plain->normals[30] == Vec3{}, odd != none);
+    for (const auto& [big, doubles] : {std::pair(true, false), std::pair(false, true)}) {
+      const auto other = load_ply(file(big, doubles, none, odd, NAN), "a.ply", {}, origin);
+      ASSERT_TRUE(other.ok());
+      EXPECT_EQ(plain->positions, other->positions);
+      EXPECT_EQ(plain->normals, other->normals);
+      EXPECT_TRUE(std::ranges::equal(plain->uvs, other->uvs,
+                                     [](Vec2 a, Vec2 b) { return a.x == b.x && a.y == b.y; }));
+    }
+  }
+  for (const std::size_t left_out : {none, std::size_t{0}})
+    for (const std::size_t odd : {3U, 4U, 6U, 7U})
+      EXPECT_NE(error_of(file(false, false, left_out, odd, INFINITY)).find("vertex 30 has a number"),
+                std::string::npos)
+          << odd;
+}
+
 // Claim: attributes are the same from text and both byte orders. Integers are fractions of their type's
 // largest value, decoded from sRGB unless the scene says otherwise; floats are linear; all triangles of a
 // polygon have its value.

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <vector>
 
@@ -56,6 +57,26 @@ TEST_F(BlobStoreTest, WholeBlobsAreWhole) {
     EXPECT_TRUE(*store_->check(sha256_hex(bytes))) << size;
   }
   EXPECT_EQ(damaged_count(), 0U);
+}
+
+// Claim: a file of this disk becomes a blob if it is what its hash says, and else leaves nothing; taken again
+// it costs no reading.
+TEST_F(BlobStoreTest, TakesFilesOfThisDisk) {
+  const std::string bytes(600000, 't'), hash = sha256_hex(bytes);
+  const fs::path file = folder_.path() / "mesh.ply";
+  for (const std::string& wrong : {std::string(600000, 'u'), std::string(599999, 't'), bytes + "t"}) {
+    std::ofstream(file, std::ios::binary) << wrong;
+    const auto taken = store_->take(hash, bytes.size(), file);
+    ASSERT_FALSE(taken.ok());
+    EXPECT_EQ(taken.error().kind, ErrorKind::failed);
+    EXPECT_FALSE(store_->size(hash));
+    EXPECT_TRUE(fs::is_empty(folder_.path() / "tmp"));
+  }
+  std::ofstream(file, std::ios::binary) << bytes;
+  ASSERT_TRUE(store_->take(hash, bytes.size(), file).ok());
+  EXPECT_TRUE(*store_->check(hash));
+  fs::remove(file);
+  EXPECT_TRUE(store_->take(hash, bytes.size(), file).ok());
 }
 
 // Claim: a changed, shortened or lengthened blob is never given to its end; it is set aside, not removed, and

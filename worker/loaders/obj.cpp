@@ -10,6 +10,7 @@
 #include <unordered_map>
 
 #include "common/base/log.h"
+#include "common/base/plain_decimal.h"
 #include "common/base/work_monitor.h"
 #include "worker/loaders/obj.h"
 #include "worker/loaders/obj_cursor.h"
@@ -144,7 +145,26 @@ class Part {
                      vertices.size(), is_material ? cursor_.rest_of_line() : std::string_view()});
   }
 
+  // True if a word may end at `at` without any more ado.
+  static bool ends_plainly(const char* at, const char* end) {
+    return at == end || *at == ' ' || *at == '\n' || *at == '\t' || *at == '\r';
+  }
+
+  // Numbers as they nearly always are; false, and the cursor stays: they are of another kind.
+  bool plain_numbers(double* out, int count) {
+    const char* at = cursor_.place();
+    const char* const end = cursor_.end();
+    for (int i = 0; i < count; ++i) {
+      while (at < end && *at == ' ') ++at;
+      at = read_plain_decimal(at, end, out[i]);
+      if (at == nullptr || !ends_plainly(at, end)) return false;
+    }
+    cursor_.move_to(at);
+    return true;
+  }
+
   Result<void> numbers(const char* what, double* out, int count, bool any = false) {
+    if (plain_numbers(out, count)) return {};
     for (int i = 0; i < count; ++i) {
       cursor_.skip_blanks();
       if (cursor_.at_line_end()) {
@@ -222,6 +242,33 @@ class Part {
     return {};
   }
 
+  // An index of up to nine digits from 1 to count, which is nearly every one; null: it is of another kind.
+  static const char* plain_index(const char* at, const char* end, std::size_t count, std::uint32_t& out) {
+    const char* const begin = at;
+    const char* const stop = end - at > 9 ? at + 9 : end;
+    std::uint32_t value = 0;
+    while (at < stop && static_cast<unsigned char>(*at - '0') < 10)
+      value = 10 * value + static_cast<std::uint32_t>(*at++ - '0');
+    if (at == begin || value == 0 || value > count) return nullptr;
+    out = value - 1;
+    return at;
+  }
+
+  // A corner as it nearly always is; false, and the cursor stays: it is of another kind.
+  bool plain_corner(Corner& out) {
+    const char* const end = cursor_.end();
+    const char* at = plain_index(cursor_.place(), end, before_.positions + positions.size(), out.position);
+    if (at != nullptr && at < end && *at == '/') {
+      ++at;
+      if (at < end && *at != '/') at = plain_index(at, end, before_.uvs + uvs.size(), out.uv);
+      if (at != nullptr && at < end && *at == '/')
+        at = plain_index(at + 1, end, before_.normals + normals.size(), out.normal);
+    }
+    if (at == nullptr || !ends_plainly(at, end)) return false;
+    cursor_.move_to(at);
+    return true;
+  }
+
   // Appends to a list that stays empty as long as all are absent.
   void append(Corners& list, std::uint32_t a, std::uint32_t b, std::uint32_t c) const {
     if (list.empty()) {
@@ -237,11 +284,14 @@ class Part {
     std::size_t count = 0;
     const std::size_t first = vertices.size();
     for (cursor_.skip_blanks(); !cursor_.at_line_end(); cursor_.skip_blanks()) {
-      const char* before = cursor_.place();
-      const std::string_view text = cursor_.token();
-      if (cursor_.place() == before) return fail("stray backslash in a face");
       Corner next;
-      CANDELA_TRY(corner(text, next));
+      if (!plain_corner(next)) {
+        const char* before = cursor_.place();
+        const std::string_view text = cursor_.token();
+        if (cursor_.place() == before) return fail("stray backslash in a face");
+        next = {};
+        CANDELA_TRY(corner(text, next));
+      }
       if (count == 0) {
         a = next;
       } else {

@@ -15,6 +15,9 @@ class ObjCursor {
   bool at_line_end() const { return at_ == end_ || *at_ == '\n' || *at_ == '#'; }
   char peek() const { return *at_; }
   const char* place() const { return at_; }
+  const char* end() const { return end_; }
+  // Precondition: `place` is not before place(), and no line end lies between.
+  void move_to(const char* place) { at_ = place; }
   std::size_t line_ends() const { return line_ends_; }
 
   // Blanks, carriage returns, and line ends that a backslash takes away.

@@ -15,6 +15,7 @@
 
 #include "common/base/huge_page_advice.h"
 #include "common/base/log.h"
+#include "common/base/plain_decimal.h"
 #include "common/base/work_monitor.h"
 #include "worker/core/math.h"
 #include "worker/loaders/mesh.h"
@@ -249,8 +250,44 @@ class Reader {
   // True for rows of the most common kind: floats of this machine's byte order without attributes.
   bool plain_floats(const Element& element) const {
     return !header_.big_endian &&
-           std::all_of(element.properties.begin(), element.properties.end(),
-                       [](const Property& p) { return !p.list && p.type == Type::f32 && p.column < 0; });
+           std::all_of(element.properties.begin(), element.properties.end(), [&](const Property& p) {
+             const bool half_uv = !header_.has_uvs && (p.role == Role::u || p.role == Role::v);
+             return !p.list && p.type == Type::f32 && p.column < 0 && !half_uv;
+           });
+  }
+
+  // Vertices of plain_floats(): the same as set_vertex() makes of their rows.
+  std::size_t first_bad_plain(const char* rows, std::size_t size, const Element& element) {
+    std::array<std::size_t, kRoles> offsets{};
+    for (std::size_t k = 0; k < element.properties.size(); ++k)
+      if (const Role role = element.properties[k].role; role != Role::none)
+        offsets[static_cast<std::size_t>(role) - 1] = k * sizeof(float);
+    const bool uvs = header_.has_uvs, normals = header_.has_normals;
+    return first_where(static_cast<std::size_t>(element.count), [&](std::size_t i) {
+      const char* const row = rows + i * size;
+      const auto at = [&](Role role) {
+        return read_as<float>(row + offsets[static_cast<std::size_t>(role) - 1], false);
+      };
+      const Vec3 p{at(Role::x), at(Role::y), at(Role::z)};
+      if (!is_finite(p)) return true;
+      mesh_.positions[i] = Vec3(Vec3d(p) - origin_);
+      if (uvs) {
+        const Vec2 uv{at(Role::u), at(Role::v)};
+        if (!std::isfinite(uv.x) || !std::isfinite(uv.y)) return true;
+        mesh_.uvs[i] = uv;
+      }
+      if (!normals) return false;
+      const Vec3 n{at(Role::nx), at(Role::ny), at(Role::nz)};
+      if (is_finite(n))
+        mesh_.normals[i] = n;
+      else
+        dropped_normals_.fetch_add(1, std::memory_order_relaxed);
+      return false;
+    });
+  }
+
+  static bool is_finite(const Vec3& v) {
+    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
   }
 
   Result<void> binary_vertices(const Element& element) {
@@ -269,22 +306,14 @@ class Reader {
       return {};
     }
     const char* rows = bytes_.data() + at_;
-    const bool plain = plain_floats(element);
-    const std::size_t bad = first_where(count, [&](std::size_t i) {
-      Row row;
-      if (plain) {
-        const char* at = rows + i * size;
-        for (const Property& p : element.properties) {
-          if (p.role != Role::none) row[p.role] = static_cast<double>(read_as<float>(at, false));
-          at += sizeof(float);
-        }
-        return !set_vertex(i, row);
-      }
-      Columns columns;
-      row.columns = columns.data();
-      read_row(rows + i * size, element, header_.big_endian, row);
-      return !set_vertex(i, row);
-    });
+    const std::size_t bad =
+        plain_floats(element) ? first_bad_plain(rows, size, element) : first_where(count, [&](std::size_t i) {
+          Row row;
+          Columns columns;
+          row.columns = columns.data();
+          read_row(rows + i * size, element, header_.big_endian, row);
+          return !set_vertex(i, row);
+        });
     if (bad != kNowhere) {
       at_ += bad * size;
       return not_finite(bad);
@@ -441,6 +470,8 @@ class Reader {
     if (text.empty()) return truncated(element);
     const char* begin = text.data();
     const char* end = begin + text.size();
+    if constexpr (std::is_same_v<T, double>)
+      if (read_plain_decimal(begin, end, out) == end) return {};
     if (*begin == '+') ++begin;
     const auto [rest, code] = std::from_chars(begin, end, out);
     if constexpr (std::is_same_v<T, double>) {

@@ -147,7 +147,10 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
   };
   finish_vertices(impl.geometry);
   if (options.traced) CANDELA_TRY(build_accel());
-  CANDELA_TRY(builder.finish_geometry());
+  // Who only asks what the scene has needs no triangles for rays, unless something of the scene looks at
+  // them.
+  const bool asked_only = !options.traced && !edited && !is_meter && impl.media.size() == 0;
+  CANDELA_TRY(builder.finish_geometry(!asked_only));
   if (is_distant) {
     CANDELA_ASSIGN(impl.sensor, Sensor::build_distant(*sensors[0], files, impl.geometry.bounds,
                                                       options.film_width, options.film_height));
@@ -178,6 +181,7 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
     CANDELA_TRY(check_isa(options.isa));
     return scene;
   }
+  builder.make_triangles();  // for a medium of a lamp or of the camera
   if (!impl.accel) CANDELA_TRY(build_accel());
   impl.first_surface.emplace(*scene);
   impl.edits.first_surface = &*impl.first_surface;

@@ -370,9 +370,13 @@ std::optional<Placement> SceneBuilder::far_placement(const std::optional<Vec3d>&
   return placement;
 }
 
-Result<void> SceneBuilder::finish_geometry() {
+void SceneBuilder::make_triangles() {
+  if (!std::exchange(triangles_made_, true)) scene::make_triangles(geometry_);
+}
+
+Result<void> SceneBuilder::finish_geometry(bool with_triangles) {
   for (const std::string& warning : warnings_) log::warn(warning);
-  make_triangles(geometry_);
+  if (with_triangles || !area_emitters_.empty()) make_triangles();
   for (const AreaEmitter& area : area_emitters_) {
     CANDELA_ASSIGN(const ColorTexture radiance, radiance_of(area));
     if (radiance.is_constant() && !is_radiometric(radiance.constant)) {

@@ -87,7 +87,10 @@ class SceneBuilder {
   // The same for media. If an edit selects by more of the path than its vertex edit() did nothing, and this
   // makes objects().path_edits. Call it last.
   Result<void> finish_edits(const EditRequest& request);
-  Result<void> finish_geometry();
+  // with_triangles: rays will be traced; without, the records of triangles are made if a lamp needs them.
+  Result<void> finish_geometry(bool with_triangles);
+  // Unless they are there already.
+  void make_triangles();
   Result<void> emitter(const description::Object& object);
   void finish_features();
   // Names the media; call it last.
@@ -181,6 +184,7 @@ class SceneBuilder {
   std::vector<ShapePlace> shape_places_;  // by shape
   Bounds left_out_;                       // of meshes without area
   std::vector<std::string> warnings_;     // of shapes; said when the scene stays where it is
+  bool triangles_made_ = false;
   const description::Object* measured_object_ = nullptr;
   std::uint32_t measured_ = kNone;
   std::optional<Rectangle> measured_rectangle_;

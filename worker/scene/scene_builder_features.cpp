@@ -10,7 +10,7 @@
 namespace candela::scene {
 
 void SceneBuilder::finish_features() {
-  features_.triangles = geometry_.triangles.size();
+  features_.triangles = geometry_.indices.size();
   features_.spheres = static_cast<std::uint32_t>(geometry_.spheres.size());
   features_.disks = static_cast<std::uint32_t>(geometry_.disks.size());
   features_.cylinders = static_cast<std::uint32_t>(geometry_.cylinders.size());

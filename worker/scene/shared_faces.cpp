@@ -7,6 +7,7 @@
 
 #include "common/base/work_monitor.h"
 #include "worker/scene/bounds.h"
+#include "worker/scene/shapes/geometry_steps.h"
 #include "worker/scene/ties.h"
 
 namespace candela::scene {
@@ -25,8 +26,7 @@ struct Polygon {
 Polygon polygon_of(const Geometry& geometry, const Contested& what) {
   Polygon out{what.plane, what.shape, {}, {}, {}};
   if (what.kind == PrimitiveKind::triangle) {
-    const Triangle& t = geometry.triangles[what.primitive];
-    out.corners = {Vec3d(t.v0), Vec3d(t.v1), Vec3d(t.v2)};
+    for (const Vec3& corner : corners_of(geometry, what.primitive)) out.corners.push_back(Vec3d(corner));
     out.normal = cross(out.corners[1] - out.corners[0], out.corners[2] - out.corners[0]);
   } else {
     const Disk& disk = geometry.disks[what.primitive].disk;

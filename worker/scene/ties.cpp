@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <tuple>
 
+#include "common/base/huge_page_advice.h"
 #include "common/base/work_monitor.h"
 #include "worker/scene/shapes/geometry_steps.h"
 
@@ -125,10 +127,41 @@ std::vector<Flat> flats_of(const Geometry& geometry, const std::vector<bool>* lo
         else if (shape != flat.shape)
           shape = kSeveral;
       });
-  for_each_flat(
-      geometry, looked_at, [&](std::size_t number) { return shape_of[slots[number]] != kSeveral; },
-      [&](std::size_t, const Flat& flat) { flats.push_back(flat); });
+  const auto alone = [&](std::size_t number) { return shape_of[slots[number]] != kSeveral; };
+  std::size_t count = 0;
+  for (std::size_t number = 0; number < slots.size(); ++number) count += alone(number) ? 0 : 1;
+  reserve_huge(flats, count);
+  for_each_flat(geometry, looked_at, alone, [&](std::size_t, const Flat& flat) { flats.push_back(flat); });
   return flats;
+}
+
+// By normal, distance, shape and primitive. The normals' first coordinates, of which there are few, divide
+// the flats in place before the parts are sorted: with millions of flats that takes half the time.
+void sort(std::vector<Flat>& flats) {
+  constexpr std::size_t kCells = 2049;
+  const auto cell = [](const Flat& flat) { return static_cast<std::size_t>(flat.normal >> 32); };
+  std::vector<std::size_t> next(kCells + 1), end(kCells);
+  for (const Flat& flat : flats) ++next[cell(flat) + 1];
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  std::copy(next.begin() + 1, next.end(), end.begin());
+  for (std::size_t c = 0; c < kCells; ++c)
+    while (next[c] < end[c]) {
+      Flat& flat = flats[next[c]];
+      if (const std::size_t home = cell(flat); home == c)
+        ++next[c];
+      else
+        std::swap(flat, flats[next[home]++]);
+    }
+  std::size_t begin = 0;
+  for (const std::size_t stop : end) {
+    work_step();
+    const auto at = [&](std::size_t i) { return flats.begin() + static_cast<std::ptrdiff_t>(i); };
+    std::sort(at(begin), at(stop), [](const Flat& a, const Flat& b) {
+      return std::tie(a.normal, a.distance, a.shape, a.primitive) <
+             std::tie(b.normal, b.distance, b.shape, b.primitive);
+    });
+    begin = stop;
+  }
 }
 
 // True if boxes in one plane have more than an edge in common.
@@ -249,10 +282,7 @@ void find_in_plane(const Geometry& geometry, std::vector<Flat>::iterator begin,
 std::vector<Contested> find_contested(const Geometry& geometry, const std::vector<bool>* looked_at) {
   std::vector<Flat> flats = flats_of(geometry, looked_at);
   std::vector<Contested> out;
-  std::sort(flats.begin(), flats.end(), [](const Flat& a, const Flat& b) {
-    return std::tie(a.normal, a.distance, a.shape, a.primitive) <
-           std::tie(b.normal, b.distance, b.shape, b.primitive);
-  });
+  sort(flats);
   // Bounds the rounding of coordinates and of Embree's distances.
   const double tolerance = 0x1p-20 * largest_coordinate(geometry.groups[0].bounds);
   std::uint32_t plane = 0;

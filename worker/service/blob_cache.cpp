@@ -181,10 +181,12 @@ Result<std::optional<BlobCache::Identity>> BlobCache::identity_of(const fs::path
 }
 
 // The file is mapped first and judged by what is mapped, so that nobody can change it in between by a rename.
-// Null: it is not there, or was not what it should be and has been removed.
-Result<std::shared_ptr<const MappedFile>> BlobCache::open_verified(const std::string& sha256,
+// Null: it is not there, or was not what it should be and has been removed. A file beside the cache is not
+// this cache's to remove or to touch.
+Result<std::shared_ptr<const MappedFile>> BlobCache::open_verified(const fs::path& path,
+                                                                   const std::string& sha256,
                                                                    std::uint64_t size_bytes) {
-  const fs::path path = path_of(sha256);
+  const bool own = path == path_of(sha256);
   CANDELA_ASSIGN(const std::optional<Identity> before, identity_of(path));
   if (!before) return std::shared_ptr<const MappedFile>();
   auto file = MappedFile::open(path);
@@ -200,13 +202,14 @@ Result<std::shared_ptr<const MappedFile>> BlobCache::open_verified(const std::st
   }
   const std::int64_t checked_ns = now_ns();
   if ((*file)->bytes().size() != size_bytes || (!known && hash_of((*file)->bytes()) != sha256)) {
-    log::warn(fmt::format("the cached file {} is damaged; it is fetched again", path.string()));
-    ::unlink(path.c_str());
+    log::warn(fmt::format("the {} {} is damaged; it is fetched again", own ? "cached file" : "blob",
+                          path.string()));
+    if (own) ::unlink(path.c_str());
     const Lock lock(mutex_);
     verified_.erase(sha256);
     return std::shared_ptr<const MappedFile>();
   }
-  if (checked_ns - std::get<3>(*after) > kTouchNs) {
+  if (own && checked_ns - std::get<3>(*after) > kTouchNs) {
     // Used now; a failure only makes it look older. It changes the times, so the next use checks the hash
     // again.
     ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);
@@ -295,19 +298,13 @@ Result<void> BlobCache::download(const std::string& sha256, std::uint64_t size_b
   return {};
 }
 
-// True: the file beside the cache has the blob's size and its link has the blob's place. The hash is not
-// checked: whoever maps the blob does it.
-bool BlobCache::link_beside(const std::string& sha256, std::uint64_t size_bytes) {
-  if (!beside_) return false;
-  const fs::path path = path_of(sha256);
-  if (!make_directories(path.parent_path())) return false;
+fs::path BlobCache::beside(const std::string& sha256, std::uint64_t size_bytes) const {
   struct stat info {};
-  if (::link(beside_(sha256).c_str(), path.c_str()) != 0) return false;
-  if (::stat(path.c_str(), &info) == 0 && S_ISREG(info.st_mode) &&
-      static_cast<std::uint64_t>(info.st_size) == size_bytes)
-    return true;
-  ::unlink(path.c_str());
-  return false;
+  if (!beside_) return {};
+  fs::path path = beside_(sha256);
+  const bool fits = ::stat(path.c_str(), &info) == 0 && S_ISREG(info.st_mode) &&
+                    static_cast<std::uint64_t>(info.st_size) == size_bytes;
+  return fits ? path : fs::path();
 }
 
 Result<BlobCache::Mapped> BlobCache::map(const std::string& sha256, std::uint64_t size_bytes,
@@ -316,14 +313,18 @@ Result<BlobCache::Mapped> BlobCache::map(const std::string& sha256, std::uint64_
   Pin held = pin(sha256);  // before it is looked for: nothing may evict it in between
   // Another worker may evict it between our download and our look at it, but not for ever.
   for (int attempt = 0; attempt < 3; ++attempt) {
-    CANDELA_ASSIGN(std::shared_ptr<const MappedFile> file, open_verified(sha256, size_bytes));
+    CANDELA_ASSIGN(std::shared_ptr<const MappedFile> file,
+                   open_verified(path_of(sha256), sha256, size_bytes));
+    // A file beside the cache that was no good the first time is none the second.
+    if (const fs::path path = file || attempt > 0 ? fs::path() : beside(sha256, size_bytes); !path.empty()) {
+      CANDELA_ASSIGN(file, open_verified(path, sha256, size_bytes));
+    }
     if (file) {
       const std::string_view bytes = file->bytes();
       using Owner = std::pair<Pin, std::shared_ptr<const MappedFile>>;
       return Mapped{std::make_shared<const Owner>(std::move(held), std::move(file)), bytes};
     }
-    // A link that was no good the first time is none the second.
-    if (attempt > 0 || !link_beside(sha256, size_bytes)) CANDELA_TRY(download(sha256, size_bytes, fetch));
+    CANDELA_TRY(download(sha256, size_bytes, fetch));
   }
   return resource_error(fmt::format("blob {} vanishes from the cache as soon as it is fetched", sha256))
       .at(folder_.string(), 0)
@@ -336,7 +337,7 @@ Result<BlobCache::Pin> BlobCache::ensure(const std::string& sha256, std::uint64_
   Pin held = pin(sha256);
   CANDELA_ASSIGN(const std::optional<Identity> identity, identity_of(path_of(sha256)));
   if (identity && std::get<2>(*identity) == size_bytes) return held;
-  if (!link_beside(sha256, size_bytes)) CANDELA_TRY(download(sha256, size_bytes, fetch));
+  if (beside(sha256, size_bytes).empty()) CANDELA_TRY(download(sha256, size_bytes, fetch));
   return held;
 }
 

@@ -27,8 +27,8 @@ class BlobCache {
   // The file that may hold a blob beside the cache, such as in the store of a master in this process. It need
   // not exist, nor be what its name says.
   using Beside = std::function<std::filesystem::path(const std::string& sha256)>;
-  // Creates the folders and removes what interrupted downloads left long ago. A file beside the cache, on
-  // the same file system, takes the place of a download by a hard link.
+  // Creates the folders and removes what interrupted downloads left long ago. A file beside the cache that is
+  // the blob is read where it lies, in place of a download.
   static Result<std::unique_ptr<BlobCache>> open(const std::filesystem::path& folder,
                                                  std::uint64_t limit_bytes, Beside beside = {});
 
@@ -73,10 +73,12 @@ class BlobCache {
   Pin pin(const std::string& sha256);
   static Result<std::optional<Identity>> identity_of(const std::filesystem::path& path);  // none: no file
   bool is_pinned(const std::string& sha256) const;
-  Result<std::shared_ptr<const MappedFile>> open_verified(const std::string& sha256,
+  Result<std::shared_ptr<const MappedFile>> open_verified(const std::filesystem::path& path,
+                                                          const std::string& sha256,
                                                           std::uint64_t size_bytes);
   Result<void> download(const std::string& sha256, std::uint64_t size_bytes, const Fetch& fetch);
-  bool link_beside(const std::string& sha256, std::uint64_t size_bytes);
+  // The file beside the cache, if it has the blob's size; else no path.
+  std::filesystem::path beside(const std::string& sha256, std::uint64_t size_bytes) const;
   Result<void> make_room(std::uint64_t need_bytes);
 
   std::filesystem::path folder_;

@@ -21,6 +21,19 @@ Result<void> BundleSource::prepare() {
 }
 
 Result<BundleSource::Bytes> BundleSource::open(const std::string& key) const {
+  bool again = true;
+  {
+    const Lock lock(mutex_);
+    again = !only_found_.contains(key) || key.ends_with(".obj");
+  }
+  return open(key, again);
+}
+
+Result<BundleSource::Bytes> BundleSource::start(const std::string& key, std::size_t /*count*/) const {
+  return open(key, true);
+}
+
+Result<BundleSource::Bytes> BundleSource::open(const std::string& key, bool again) const {
   const bundle::File* file = bundle_.find(key);
   if (file == nullptr) return input_error(fmt::format("the bundle has no file '{}'", key)).at(key, 0);
   {
@@ -38,9 +51,17 @@ Result<BundleSource::Bytes> BundleSource::open(const std::string& key) const {
   }
   Bytes bytes{std::move(mapped->owner), mapped->bytes};
   const Lock lock(mutex_);
-  if (bytes.view.size() <= kKeptBytes - kept_bytes_ && kept_.try_emplace(key, bytes).second)
+  if (again && bytes.view.size() <= kKeptBytes - kept_bytes_ && kept_.try_emplace(key, bytes).second)
     kept_bytes_ += bytes.view.size();
   return bytes;
+}
+
+Result<void> BundleSource::find(const std::string& key) const {
+  if (bundle_.find(key) == nullptr)
+    return input_error(fmt::format("the bundle has no file '{}'", key)).at(key, 0);
+  const Lock lock(mutex_);
+  only_found_.insert(key);
+  return {};
 }
 
 void BundleSource::release() {

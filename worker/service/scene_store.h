@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <variant>
 #include <vector>
@@ -42,21 +43,27 @@ class BundleSource final : public description::FileSource {
   // All files stay pinned for the life of the source.
   Result<void> prepare();
   Result<Bytes> open(const std::string& key) const override;
+  Result<Bytes> start(const std::string& key, std::size_t count) const override;
+  Result<void> find(const std::string& key) const override;
   // Frees what is kept for a next open().
   void release();
   // The first error of open() that is the cache's and not the scene's.
   std::optional<Error> cache_error() const;
 
  private:
-  // Reading the description asks whether a file is there, and the scene is built from the file later. The
-  // bytes stay between the two, up to so many, so that a mesh is not copied and hashed twice.
+  // Reading the description begins a mesh or looks for an OBJ file's materials, and the scene is built from
+  // the file later. The bytes stay between the two, up to so many, so that a mesh is not copied and hashed
+  // twice. A file that is only asked for is read once, when the scene is built, and need not stay.
   static constexpr std::uint64_t kKeptBytes = std::uint64_t{128} << 20;
 
   const bundle::Bundle& bundle_;
   BlobCache& cache_;
   const BlobCache::Fetch& fetch_;
   std::vector<BlobCache::Pin> pins_;
+  Result<Bytes> open(const std::string& key, bool again) const;  // again: it will be opened once more
+
   mutable Mutex mutex_;
+  mutable std::set<std::string, std::less<>> only_found_ CANDELA_GUARDED_BY(mutex_);
   mutable std::optional<Error> cache_error_ CANDELA_GUARDED_BY(mutex_);
   mutable std::map<std::string, Bytes> kept_ CANDELA_GUARDED_BY(mutex_);  // by key; until the next open()
   mutable std::uint64_t kept_bytes_ CANDELA_GUARDED_BY(mutex_) = 0;

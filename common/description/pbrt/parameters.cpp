@@ -105,12 +105,23 @@ Result<void> add_value(Parameter& parameter, const Type& type, const Token& toke
   return {};
 }
 
+// The next values of a list, as far as they are plain decimals.
+Result<void> add_plain_decimals(Tokens& tokens, Parameter& parameter, bool whole) {
+  while (const std::optional<double> decimal = tokens.next_plain_decimal(whole)) {
+    work_step(parameter.numbers.size());
+    if (!push(parameter.numbers, *decimal, parameter.charge)) return too_much(tokens, tokens.here());
+  }
+  return {};
+}
+
 Result<void> read_values(Tokens& tokens, Parameter& parameter, const Type& type) {
   CANDELA_ASSIGN(std::optional<Token> token, tokens.next());
   const bool list = token && !token->quoted && token->text == "[";
   for (std::size_t i = 0;; ++i) {
     work_step(i);
     if (list) {
+      if (type.kind == Kind::numbers)
+        CANDELA_TRY(add_plain_decimals(tokens, parameter, type.name == "integer"));
       CANDELA_ASSIGN(token, tokens.next());
     }
     if (!token)

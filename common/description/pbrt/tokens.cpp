@@ -1,7 +1,9 @@
 #include "common/description/pbrt/tokens.h"
 
+#include <cmath>
 #include <utility>
 
+#include "common/base/plain_decimal.h"
 #include "common/description/check.h"
 #include "common/description/text.h"
 
@@ -107,6 +109,18 @@ Result<Token> Tokens::quoted_string() {
     *changed += c;
   }
   return error_at({key_, line_}, "a string has no closing quote in its line");
+}
+
+std::optional<double> Tokens::next_plain_decimal(bool whole) {
+  if (returned_) return std::nullopt;
+  skip_space();
+  const char* const end = bytes_.data() + bytes_.size();
+  double value = 0;
+  const char* const stop = read_plain_decimal(bytes_.data() + at_, end, value);
+  if (stop == nullptr || stop == end || !ends_word(*stop)) return std::nullopt;
+  if (whole && value != std::floor(value)) return std::nullopt;
+  at_ = static_cast<std::size_t>(stop - bytes_.data());
+  return value;
 }
 
 Result<std::optional<Token>> Tokens::next() {

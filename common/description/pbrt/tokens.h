@@ -32,6 +32,9 @@ class Tokens {
 
   // The next token, of the including file behind the end of this one; nothing at the end of both.
   Result<std::optional<Token>> next();
+  // The next token's value, if it is a plain decimal (plain_decimal.h) and, for `whole`, a whole number. If
+  // not, or if the file ends behind it, nothing is taken.
+  std::optional<double> next_plain_decimal(bool whole);
   // Gives the token back: next() returns it again.
   void unget(const Token& token);
   // True if this file has no token left.
