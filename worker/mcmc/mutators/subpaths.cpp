@@ -33,22 +33,25 @@ path::Scaled held(const path::Scaled& density) {
 // Products over ranges of densities, some of which are zero.
 class RangeProducts {
  public:
-  RangeProducts() {
-    products_.push_back(1);
-    zeros_.push_back(0);
-  }
+  RangeProducts() { up_to_.push_back({1, 0}); }
   void push(const path::Scaled& density) {
     const path::Scaled kept = held(density);
-    products_.push_back(kept.is_zero() ? products_.back() : products_.back() * kept);
-    zeros_.push_back(zeros_.back() + (kept.is_zero() ? 1 : 0));
+    const UpTo& last = up_to_.back();
+    up_to_.push_back(kept.is_zero() ? UpTo{last.product, last.zeros + 1}
+                                    : UpTo{last.product * kept, last.zeros});
   }
   path::Scaled product(std::size_t begin, std::size_t end) const {
-    return zeros_[end] > zeros_[begin] ? path::Scaled() : products_[end] / products_[begin];
+    if (up_to_[end].zeros > up_to_[begin].zeros) return 0;
+    if (begin == 0) return up_to_[end].product;
+    return up_to_[end].product / up_to_[begin].product;
   }
 
  private:
-  path::PathVector<path::Scaled> products_;
-  path::PathVector<std::uint32_t> zeros_;
+  struct UpTo {
+    path::Scaled product;  // without zeros
+    std::uint32_t zeros = 0;
+  };
+  path::PathVector<UpTo> up_to_;
 };
 
 // A vertex that next event estimation chooses at `hit`, on a surface or in a medium, which the eye's walk
@@ -124,18 +127,6 @@ Subpaths::Subpaths(const MutatorContext& context) : context_(context) {
   const scene::SceneFeatures& features = context.scene.features();
   hits_lights_ = features.any_area_emitter || features.any_environment;
   hits_lens_ = features.finite_lens;
-}
-
-Subpaths::Choices Subpaths::choices(const Kept& kept, std::size_t added) const {
-  const std::size_t needs = (kept.light == 0 ? 1u : 0u) + (kept.eye == 0 ? 1u : 0u);
-  if (added < needs) return {};
-  std::size_t first = 0, last = added;
-  if (kept.light == 0 && !hits_lights_) first = 1;
-  if (kept.eye == 0 && !hits_lens_) last = added - 1;
-  if (kept.light == 1) last = 0;
-  if (kept.eye == 1) first = added;
-  if (first > last) return {};
-  return {first, last - first + 1};
 }
 
 Proposal Subpaths::make(const PathState* from, const Kept& kept, std::size_t added, std::size_t s,
@@ -322,13 +313,13 @@ const Subpaths::Densities& Subpaths::densities(const PathState& state) const {
   });
 }
 
-path::Scaled Subpaths::pdf_area(const PathState& state, const Kept& kept, std::size_t s) const {
+path::Scaled Subpaths::pdf_area(const PathState& state, const Densities& d, const Kept& kept,
+                                std::size_t s) const {
   const std::vector<PathVertex>& v = state.path.vertices;
   const std::size_t count = v.size(), end = count - kept.eye;
   const std::size_t joint = kept.light + s;  // the first vertex on the eye's side
   const bool joins = joint > 0 && joint < count;
   if (joins && (v[joint - 1].delta || v[joint].delta)) return {};
-  const Densities& d = densities(state);
   path::Scaled density = d.light.product(kept.light, joint) * d.eye.product(joint, end);
   if (kept.light == 0 && s > 0) density *= s == 1 ? d.light_direct : d.light_prob;
   // A walk stays at its last vertex, unless that is an end.
@@ -341,15 +332,16 @@ path::Scaled Subpaths::pdf_area(const PathState& state, const Kept& kept, std::s
 }
 
 double Subpaths::log_pdf_area(const PathState& state, const Kept& kept, std::size_t s) const {
-  return pdf_area(state, kept, s).log();
+  return pdf_area(state, densities(state), kept, s).log();
 }
 
 std::optional<double> Subpaths::log_pdf_area(const PathState& state, const Kept& kept) const {
   const std::size_t count = state.path.vertices.size();
   if (count < kept.light + kept.eye) return std::nullopt;
   const Choices all = choices(kept, count - kept.light - kept.eye);
+  const Densities& d = densities(state);
   path::Scaled sum = 0;
-  for (std::size_t s = all.first; s < all.first + all.count; ++s) sum += pdf_area(state, kept, s);
+  for (std::size_t s = all.first; s < all.first + all.count; ++s) sum += pdf_area(state, d, kept, s);
   if (sum.is_zero()) return std::nullopt;
   return (sum / static_cast<double>(all.count)).log();
 }

@@ -37,7 +37,17 @@ class Subpaths {
   explicit Subpaths(const MutatorContext& context);
 
   // The ways to split `added` vertices. They follow from the numbers and the scene.
-  Choices choices(const Kept& kept, std::size_t added) const;
+  Choices choices(const Kept& kept, std::size_t added) const {
+    const std::size_t needs = (kept.light == 0 ? 1u : 0u) + (kept.eye == 0 ? 1u : 0u);
+    if (added < needs) return {};
+    std::size_t first = 0, last = added;
+    if (kept.light == 0 && !hits_lights_) first = 1;
+    if (kept.eye == 0 && !hits_lens_) last = added - 1;
+    if (kept.light == 1) last = 0;
+    if (kept.eye == 1) first = added;
+    if (first > last) return {};
+    return {first, last - first + 1};
+  }
   // A path with `added` new vertices, s of them by the light's walk. from: the path that is kept in part;
   // null if nothing is. Preconditions: s is one of the choices, vertices at the ends of what is kept turn by
   // no delta lobe, and the path has at least 2 edges.
@@ -62,7 +72,8 @@ class Subpaths {
   // Probability of the way of such a path; 0: no way makes it.
   double prob_way(const PathState& state, const Kept& kept, std::size_t joint) const;
   struct Densities;
-  transport::path::Scaled pdf_area(const PathState& path, const Kept& kept, std::size_t s) const;
+  transport::path::Scaled pdf_area(const PathState& path, const Densities& densities, const Kept& kept,
+                                   std::size_t s) const;
   const Densities& densities(const PathState& path) const;
 
   const MutatorContext context_;

@@ -25,14 +25,28 @@ class Scaled {
   Scaled(double value = 0) : mantissa_(value) { normalize(); }  // NOLINT(google-explicit-constructor)
   Scaled& operator*=(const Scaled& other) {
     mantissa_ *= other.mantissa_;
-    exponent_ = mantissa_ == 0 ? 0 : exponent_ + other.exponent_;
-    normalize();
+    exponent_ += other.exponent_;
+    if (mantissa_ >= 1 && mantissa_ < 4) {  // of two mantissas
+      const bool carries = mantissa_ >= 2;
+      mantissa_ *= carries ? 0.5 : 1.0;
+      exponent_ += carries ? 1 : 0;
+      return *this;
+    }
+    if (mantissa_ == 0) exponent_ = 0;
+    normalize_rare();
     return *this;
   }
   Scaled& operator/=(const Scaled& other) {
     mantissa_ /= other.mantissa_;
-    exponent_ = mantissa_ == 0 ? 0 : exponent_ - other.exponent_;
-    normalize();
+    exponent_ -= other.exponent_;
+    if (mantissa_ > 0.5 && mantissa_ < 2) {
+      const bool borrows = mantissa_ < 1;
+      mantissa_ *= borrows ? 2.0 : 1.0;
+      exponent_ -= borrows ? 1 : 0;
+      return *this;
+    }
+    if (mantissa_ == 0) exponent_ = 0;
+    normalize_rare();
     return *this;
   }
   friend Scaled operator*(Scaled a, const Scaled& b) { return a *= b; }
@@ -50,6 +64,7 @@ class Scaled {
   void normalize() {
     const auto bits = std::bit_cast<std::uint64_t>(mantissa_);
     const std::uint64_t exponent = bits >> kFractionBits & 0x7ff;
+    if (bits == 0) return;
     if (exponent == 0 || exponent == 0x7ff) return normalize_rare();
     mantissa_ = std::bit_cast<double>((bits & ~(std::uint64_t{0x7ff} << kFractionBits)) |
                                       std::uint64_t{kBias} << kFractionBits);
