@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "worker/core/recycling_allocator.h"
+
 namespace candela::mcmc {
 
 std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
@@ -26,7 +28,8 @@ std::optional<PathState> path_state(const scene::Scene& scene, transport::path::
   }
   transport::path::SharedEnds ends;
   if (near != nullptr) ends = {&near->evaluation(), shared.light, shared.sensor};
-  out.stands_on_ = std::make_shared<PathState::StandsOn>(scene, *std::move(assembled), rules, ends);
+  out.stands_on_ = std::allocate_shared<PathState::StandsOn>(RecyclingAllocator<PathState::StandsOn>(), scene,
+                                                             *std::move(assembled), rules, ends);
   const transport::path::Evaluation& evaluation = out.evaluation();
   if (!evaluation.valid() || !evaluation.media_agree() || !evaluation.closed_form()) return std::nullopt;
   const auto contribution = evaluation.contribution();
