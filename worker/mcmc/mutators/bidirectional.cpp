@@ -76,13 +76,17 @@ template <class Visit>
 bool BidirectionalMutator::any_range(const transport::path::Path& path, const Visit& visit) const {
   const std::vector<PathVertex>& v = path.vertices;
   const std::size_t count = v.size();
+  // As many vertices may come as are taken away, for sure between two walks that go on.
+  const bool fits = count > std::size_t{context_.min_edges} && count <= std::size_t{context_.max_edges} + 1;
   for (std::size_t light = 0; light < count; ++light) {
     if (light > 0 && !can_end_kept(v[light - 1])) continue;
     // x_m, the first vertex that is kept behind, is never the light; count: none is kept.
     for (std::size_t m = std::max<std::size_t>(light, 1); m <= std::min(count, light + kMaxDeleted); ++m) {
       if (m < count && !can_end_kept(v[m])) continue;
       const Subpaths::Kept kept{light, count - m};
-      if (any_addition(kept, m - light) && visit(kept, m - light)) return true;
+      const bool usual =
+          fits && m > light && ((light > 1 && kept.eye > 1) || can_add(kept, m - light, m - light));
+      if ((usual || any_addition(kept, m - light)) && visit(kept, m - light)) return true;
     }
   }
   return false;
