@@ -362,9 +362,9 @@ void Evaluation::evaluate_inner(std::size_t i) {
     }
     n.pdf_to_eye[i] =
         static_cast<double>(from_light.pdf_solid_angle(local_light, local_eye, TransportMode::importance));
-    n.pdf_to_light[i] =
-        static_cast<double>(from_eye.pdf_solid_angle(local_eye, local_light, TransportMode::radiance));
-    x.value = channels(from_eye.eval(local_eye, local_light, TransportMode::radiance));
+    float pdf = 0;
+    x.value = channels(from_eye.eval_pdf(local_eye, local_light, TransportMode::radiance, pdf));
+    n.pdf_to_light[i] = static_cast<double>(pdf);
   }
   x.prob_to_eye = n.pdf_to_eye[i];
   x.prob_to_light = n.pdf_to_light[i];
