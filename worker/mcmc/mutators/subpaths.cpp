@@ -33,17 +33,25 @@ path::Scaled held(const path::Scaled& density) {
 // Products over ranges of densities, some of which are zero.
 class RangeProducts {
  public:
-  RangeProducts() { up_to_.push_back({1, 0}); }
-  void push(const path::Scaled& density) {
-    const path::Scaled kept = held(density);
-    const UpTo& last = up_to_.back();
-    up_to_.push_back(kept.is_zero() ? UpTo{last.product, last.zeros + 1}
-                                    : UpTo{last.product * kept, last.zeros});
+  // Of `count` densities; density(i) is the i-th one.
+  template <class Density>
+  void set(std::size_t count, const Density& density) {
+    up_to_.resize(count + 1);
+    UpTo* const out = up_to_.data();
+    out[0] = {1, 0};
+    for (std::size_t i = 0; i < count; ++i) {
+      out[i + 1] = out[i];
+      if (const path::Scaled kept = held(density(i)); kept.is_zero())
+        ++out[i + 1].zeros;
+      else
+        out[i + 1].product *= kept;
+    }
   }
   path::Scaled product(std::size_t begin, std::size_t end) const {
-    if (up_to_[end].zeros > up_to_[begin].zeros) return 0;
-    if (begin == 0) return up_to_[end].product;
-    return up_to_[end].product / up_to_[begin].product;
+    const UpTo* const up_to = up_to_.data();
+    if (up_to[end].zeros > up_to[begin].zeros) return 0;
+    if (begin == 0) return up_to[end].product;
+    return up_to[end].product / up_to[begin].product;
   }
 
  private:
@@ -296,12 +304,14 @@ const Subpaths::Densities& Subpaths::densities(const PathState& state) const {
     auto made = std::make_unique<Densities>();
     made->light_direct = held(n.light_direct);
     made->light_prob = held(n.light_prob);
-    made->light.push(1);
-    for (std::size_t i = 1; i < k; ++i) made->light.push(evaluation.step_density(true, i));
-    made->light.push(n.lens_can_be_hit ? evaluation.step_density(true, k) : path::Scaled());
-    made->eye.push(n.light_can_be_hit ? evaluation.step_density(false, 0) : path::Scaled());
-    for (std::size_t i = 1; i < k; ++i) made->eye.push(evaluation.step_density(false, i));
-    made->eye.push(n.lens_prob);
+    made->light.set(k + 1, [&](std::size_t i) -> path::Scaled {
+      if (i == 0) return 1;
+      return i < k || n.lens_can_be_hit ? evaluation.step_density(true, i) : 0;
+    });
+    made->eye.set(k + 1, [&](std::size_t i) -> path::Scaled {
+      if (i == k) return n.lens_prob;
+      return i > 0 || n.light_can_be_hit ? evaluation.step_density(false, i) : 0;
+    });
     if (context_.scene.features().any_passthrough) {
       made->stay_light.assign(k + 1, 1);
       made->stay_eye.assign(k + 1, 1);
