@@ -32,9 +32,11 @@ class PathState {
   std::array<double, 3> contribution{};
   double scalar = 0;  // its luminance, > 0 and finite
   std::optional<transport::path::MollifiedVertex> mollified;
+  // Vertices from the light's end that are those of the state near which it was made.
+  std::size_t shared_light = 0;
 
   const transport::path::Assembled& assembled() const { return stands_on_->assembled; }
-  const transport::path::Evaluation& evaluation() const { return stands_on_->evaluation; }
+  const transport::path::Evaluation& evaluation() const { return *stands_on_->evaluation; }
 
   // The T, a Memo, that `make()` makes for the owner (a std::unique_ptr<T>) when it is first asked for. It
   // has to follow from the path and the owner alone. Not for two threads at once.
@@ -62,14 +64,11 @@ class PathState {
   using KeptMemo = std::pair<const void*, std::unique_ptr<Memo>>;  // and its owner
   static constexpr std::size_t kUsualMemos = 4;
   struct StandsOn {
-    StandsOn(const scene::Scene& scene, transport::path::Assembled whole, const transport::path::Rules& rules,
-             const transport::path::SharedEnds& shared)
-        : assembled(std::move(whole)),
-          evaluation(scene, assembled.path, rules, shared, transport::path::Wanted::if_lit) {}
+    StandsOn() = default;
     StandsOn(const StandsOn&) = delete;
     StandsOn& operator=(const StandsOn&) = delete;
     transport::path::Assembled assembled;
-    transport::path::Evaluation evaluation;
+    std::optional<transport::path::Evaluation> evaluation;  // of assembled.path
     std::array<KeptMemo, kUsualMemos> memos;
     std::vector<KeptMemo> more_memos;
     std::size_t memo_count = 0;

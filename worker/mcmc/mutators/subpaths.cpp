@@ -33,13 +33,14 @@ path::Scaled held(const path::Scaled& density) {
 // Products over ranges of densities, some of which are zero.
 class RangeProducts {
  public:
-  // Of `count` densities; density(i) is the i-th one.
+  // Of `count` densities; density(i) is the i-th one. The first ones, `shared`, are those of `other`.
   template <class Density>
-  void set(std::size_t count, const Density& density) {
+  void set(std::size_t count, std::size_t shared, const RangeProducts* other, const Density& density) {
     up_to_.resize(count + 1);
     UpTo* const out = up_to_.data();
     out[0] = {1, 0};
-    for (std::size_t i = 0; i < count; ++i) {
+    if (shared > 0) std::copy_n(other->up_to_.data(), shared + 1, out);
+    for (std::size_t i = shared; i < count; ++i) {
       out[i + 1] = out[i];
       if (const path::Scaled kept = held(density(i)); kept.is_zero())
         ++out[i + 1].zeros;
@@ -296,22 +297,29 @@ struct Subpaths::Densities final : Memo {
   std::vector<double> stay_light, stay_eye;  // at x_i, where the walk ends; empty: nothing passes straight
 };
 
-const Subpaths::Densities& Subpaths::densities(const PathState& state) const {
+const Subpaths::Densities& Subpaths::densities(const PathState& state, const PathState* near) const {
   return state.memo<Densities>(&kDensities, [&] {
     const path::Evaluation& evaluation = state.evaluation();
     const path::PathNumbers& n = evaluation.numbers();
     const std::size_t k = n.edges;
+    // Media around an edge, and on which side a cone opens, may follow from vertices far away.
+    const bool shares = near != nullptr && state.shared_light > 0 && !state.mollified && !near->mollified &&
+                        context_.scene.features().media == 0;
+    const Densities* const other = shares ? &densities(*near) : nullptr;
+    // A density at a vertex follows from that and the two that the walk left before.
+    const std::size_t light = shares ? state.shared_light : 0;
     auto made = std::make_unique<Densities>();
     made->light_direct = held(n.light_direct);
     made->light_prob = held(n.light_prob);
-    made->light.set(k + 1, [&](std::size_t i) -> path::Scaled {
+    made->light.set(k + 1, light, shares ? &other->light : nullptr, [&](std::size_t i) -> path::Scaled {
       if (i == 0) return 1;
       return i < k || n.lens_can_be_hit ? evaluation.step_density(true, i) : 0;
     });
-    made->eye.set(k + 1, [&](std::size_t i) -> path::Scaled {
-      if (i == k) return n.lens_prob;
-      return i > 0 || n.light_can_be_hit ? evaluation.step_density(false, i) : 0;
-    });
+    made->eye.set(k + 1, light > 2 ? light - 2 : 0, shares ? &other->eye : nullptr,
+                  [&](std::size_t i) -> path::Scaled {
+                    if (i == k) return n.lens_prob;
+                    return i > 0 || n.light_can_be_hit ? evaluation.step_density(false, i) : 0;
+                  });
     if (context_.scene.features().any_passthrough) {
       made->stay_light.assign(k + 1, 1);
       made->stay_eye.assign(k + 1, 1);

@@ -53,6 +53,9 @@ class Subpaths {
   // no delta lobe, and the path has at least 2 edges.
   Proposal make(const PathState* from, const Kept& kept, std::size_t added, std::size_t s,
                 rng::Stream& stream) const;
+  // Computes what densities of `path` are made of. near: the state near which it was made; what follows from
+  // the vertices that both share at the light's end is copied. The densities are the same to the bit.
+  void prepare(const PathState& path, const PathState& near) const { densities(path, &near); }
   // The log of the density with which make() chose the vertices of `path` that are not kept, over the choices
   // of s. Nothing: it never does.
   std::optional<double> log_pdf_area(const PathState& path, const Kept& kept) const;
@@ -74,7 +77,7 @@ class Subpaths {
   struct Densities;
   transport::path::Scaled pdf_area(const PathState& path, const Densities& densities, const Kept& kept,
                                    std::size_t s) const;
-  const Densities& densities(const PathState& path) const;
+  const Densities& densities(const PathState& path, const PathState* near = nullptr) const;
 
   const MutatorContext context_;
   bool hits_lights_ = false, hits_lens_ = false;

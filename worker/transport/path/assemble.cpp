@@ -1,6 +1,7 @@
 #include "worker/transport/path/assemble.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "worker/scene/emitters/lights.h"
 #include "worker/scene/points/surface_points.h"
@@ -80,11 +81,10 @@ SharedVertices shared_vertices(const Assembled& of, const Path& from, const Path
   return {&of, changed.begin, from.vertices.size() - changed.end};
 }
 
-std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, float film_border,
-                                  const SharedVertices& shared, const FoundSurfaces* found) {
+bool assemble_into(Assembled& out, const scene::Scene& scene, const Path& path, float film_border,
+                   const SharedVertices& shared, const FoundSurfaces* found) {
   const std::size_t k = path.edge_count();
   const std::size_t light = shared.light, sensor = shared.sensor;
-  Assembled out;
   out.edges.resize(k);
   out.places.resize(k + 1);
   out.path.inner.reserve(k - 1);
@@ -117,11 +117,11 @@ std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, f
     }
     const Vec3d way = out.places[i + 1] - out.places[i];
     const double l = length(way);
-    if (!(l > 0)) return std::nullopt;
+    if (!(l > 0)) return false;
     out.edges[i] = {way / l, l};
   }
   // The lens, as the vertex before it sees it. Light from outside that the sensor looks at has no such place.
-  if (k == 1 && path.vertices.front().kind != Kind::surface_light) return std::nullopt;
+  if (k == 1 && path.vertices.front().kind != Kind::surface_light) return false;
   scene::SurfaceHit light_seen;
   if (k == 1) light_seen = scene.points().hit(path.vertices.front().point);
   const scene::SurfaceHit& seen = k == 1 ? light_seen : out.path.inner.back().hit;
@@ -136,14 +136,14 @@ std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, f
     const Vec2 u_lens{static_cast<float>(path.vertices.back().place.x),
                       static_cast<float>(path.vertices.back().place.y)};
     scene::CameraSample camera;
-    if (!scene.sample_camera(seen, u_lens, camera, film_border)) return std::nullopt;
+    if (!scene.sample_camera(seen, u_lens, camera, film_border)) return false;
     out.film = {camera.film_x, camera.film_y};
     out.path.lens = camera.p;
     out.path.lens_infinite = camera.delta_direction;
     out.path.lens_near = camera.shadow_ray.origin + camera.shadow_ray.direction * camera.shadow_ray.t_max;
     const Vec3d way = Vec3d(camera.p) - out.places[k - 1];
     const double distance = length(way);
-    if (!(distance > 0)) return std::nullopt;
+    if (!(distance > 0)) return false;
     out.edges.back() =
         camera.delta_direction ? PathEdge{Vec3d(camera.wi), 0} : PathEdge{way / distance, distance};
   }
@@ -160,10 +160,17 @@ std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, f
     const Vec3d next = k == 1 ? Vec3d(out.path.lens) : out.places[1];
     const PathEdge last = out.edges.back();
     if (!set_light(scene, path.vertices.front(), next, k == 1 ? seen : out.path.inner.front().hit, out))
-      return std::nullopt;
+      return false;
     if (k == 1) out.edges.back() = last;
   }
   for (const PathEdge& edge : out.edges) out.path.along.emplace_back(Vec3(edge.direction));
+  return true;
+}
+
+std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, float film_border,
+                                  const SharedVertices& shared, const FoundSurfaces* found) {
+  std::optional<Assembled> out(std::in_place);
+  if (!assemble_into(*out, scene, path, film_border, shared, found)) return std::nullopt;
   return out;
 }
 
