@@ -34,8 +34,7 @@ std::optional<PathState> path_state(const scene::Scene& scene, transport::path::
   out.stands_on_->evaluation.emplace(scene, assembled.path, rules, ends, transport::path::Wanted::if_lit);
   const transport::path::Evaluation& evaluation = out.evaluation();
   if (!evaluation.valid() || !evaluation.media_agree() || !evaluation.closed_form()) return std::nullopt;
-  const auto contribution = evaluation.contribution();
-  for (std::size_t c = 0; c < 3; ++c) out.contribution[c] = contribution[c].value();
+  out.contribution = evaluation.contribution_values();
   // As luminance() of vec.h has it.
   out.scalar =
       0.212671 * out.contribution[0] + 0.715160 * out.contribution[1] + 0.072169 * out.contribution[2];

@@ -75,8 +75,15 @@ class Subpaths {
   // Probability of the way of such a path; 0: no way makes it.
   double prob_way(const PathState& state, const Kept& kept, std::size_t joint) const;
   struct Densities;
-  transport::path::Scaled pdf_area(const PathState& path, const Densities& densities, const Kept& kept,
-                                   std::size_t s) const;
+  // Number: double, or Scaled where a double cannot hold the products.
+  template <class Number>
+  struct Walks;
+  template <class Number>
+  Number pdf_area(const PathState& path, const Densities& all, const Walks<Number>& d, const Kept& kept,
+                  std::size_t s) const;
+  template <class Number>
+  transport::path::Scaled sum_area(const PathState& path, const Densities& all, const Walks<Number>& walks,
+                                   const Kept& kept, const Choices& choices) const;
   const Densities& densities(const PathState& path, const PathState* near = nullptr) const;
 
   const MutatorContext context_;

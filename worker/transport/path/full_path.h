@@ -7,6 +7,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "worker/core/inline_vector.h"
@@ -76,6 +77,13 @@ class Scaled {
   double mantissa_;                                       // 0 or in [1, 2)
   std::int64_t exponent_ = 0;
 };
+
+// A density that a double cannot hold counts as none.
+inline double held(double density) {
+  return density >= std::numeric_limits<double>::min() && density <= std::numeric_limits<double>::max()
+             ? density
+             : 0;
+}
 
 // Neighbor of a mollified vertex (mollified.h) towards which the cone around its delta lobe opens.
 enum class Cone : std::uint8_t { none, towards_light, towards_eye };
