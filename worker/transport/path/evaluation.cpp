@@ -138,7 +138,10 @@ bool Evaluation::copy_edge(const SharedEnds& shared, std::size_t i) {
     if (i + shared.sensor < k + 1) return false;
     from = i + shared.of->numbers_.edges - k;
   }
-  edges_[i] = shared.of->edges_[from];
+  if (const Edge& other = shared.of->edges_[from]; other.stretches.size() == 1)
+    edges_[i].stretches.push_back(other.stretches[0]);
+  else
+    edges_[i] = other;
   numbers_.distance_squared[i] = shared.of->numbers_.distance_squared[from];
   return true;
 }
