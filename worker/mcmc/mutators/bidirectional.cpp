@@ -49,7 +49,8 @@ BidirectionalMutator::Bounds BidirectionalMutator::bounds(const Subpaths::Kept& 
           std::min(deleted + kMaxDifference, most - ends) + 1};
 }
 
-bool BidirectionalMutator::can_add(const Subpaths::Kept& kept, std::size_t deleted, std::size_t a) const {
+inline bool BidirectionalMutator::can_add(const Subpaths::Kept& kept, std::size_t deleted,
+                                          std::size_t a) const {
   // The same path: nothing changes, or a pinhole takes its own place.
   const bool pinhole_alone = kept.eye == 0 && deleted == 1 && !context_.scene.reads_lens();
   if (a == deleted && (deleted == 0 || pinhole_alone)) return false;
@@ -60,8 +61,11 @@ template <class Visit>
 void BidirectionalMutator::for_each_addition(const Subpaths::Kept& kept, std::size_t deleted,
                                              const Visit& visit) const {
   const Bounds all = bounds(kept, deleted);
+  // Between two walks that go on there may be any number, if some are taken away.
+  const bool any = kept.light > 1 && kept.eye > 1 && deleted > 0;
   for (std::size_t a = all.begin; a < all.end; ++a)
-    if (can_add(kept, deleted, a)) visit(a, kWeightsOfAddition[a > deleted ? a - deleted : deleted - a]);
+    if (any || can_add(kept, deleted, a))
+      visit(a, kWeightsOfAddition[a > deleted ? a - deleted : deleted - a]);
 }
 
 bool BidirectionalMutator::any_addition(const Subpaths::Kept& kept, std::size_t deleted) const {
