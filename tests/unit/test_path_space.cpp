@@ -305,6 +305,7 @@ TEST(PathSpace, SharedVerticesAreCopiedToTheBit) {
     const MutatorContext context = context_of(*scene);
     PathSpace space(context, bidirectional());
     const BidirectionalMutator mutator(context);
+    const Subpaths subpaths(context);
     int shared = 0;
     for (const std::size_t inner : {1u, 3u})
       for (const PathState& from : states(space, inner, 4)) {
@@ -328,13 +329,54 @@ TEST(PathSpace, SharedVerticesAreCopiedToTheBit) {
           EXPECT_EQ(a.light_prob, b.light_prob);
           EXPECT_EQ(a.light_direct, b.light_direct);
           EXPECT_EQ(a.lens_prob, b.lens_prob);
+          subpaths.prepare(*near, from);
           EXPECT_EQ(space.log_pdf_area(*alone), space.log_pdf_area(*near));
+          for (std::size_t s = 0; s <= to->vertices.size(); ++s)
+            EXPECT_EQ(subpaths.log_pdf_area(*alone, {}, s), subpaths.log_pdf_area(*near, {}, s));
           EXPECT_EQ(alone->assembled().film.x, near->assembled().film.x);
           shared += path::changed_range(from.path, *to).begin > 0;
         }
       }
     EXPECT_GT(shared, 0);
   }
+}
+
+// The densities of paths with so many vertices that no double holds the products: those of their walks'
+// steps.
+TEST(PathSpace, LongPathsHaveTheDensitiesOfTheirSteps) {
+  scene::Scene::Options options;
+  options.film_width = options.film_height = path::kFilm;
+  const auto scene = test::build_scene(
+      "<shape type='sphere'><float name='radius' value='0.05'/><bsdf type='twosided'><bsdf type='diffuse'/>"
+      "</bsdf></shape><emitter type='point'><point name='position' x='0.01' y='0.01' z='0.02'/></emitter>",
+      {}, "", options);
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  MutatorContext context = context_of(**scene);
+  context.min_edges = 100;
+  context.max_edges = 110;
+  PathSpace space(context, bidirectional());
+  const Subpaths subpaths(context);
+  SplatList list;
+  int seen = 0, beyond = 0;
+  for (std::uint64_t key = 0; key < 2000 && seen < 3; ++key) {
+    space.start(rng::key(46, 470, key), list);
+    if (space.present() == nullptr) continue;
+    ++seen;
+    const PathState& state = *space.present();
+    const path::Evaluation& evaluation = state.evaluation();
+    const path::PathNumbers& n = evaluation.numbers();
+    for (const std::size_t s : {std::size_t{1}, std::size_t{2}, n.edges / 2, n.edges}) {
+      double expected = std::log(s == 1 ? n.light_direct : n.light_prob) + std::log(n.lens_prob);
+      for (std::size_t i = 1; i < s; ++i) expected += evaluation.step_density(true, i).log();
+      for (std::size_t i = s; i < n.edges; ++i) expected += evaluation.step_density(false, i).log();
+      EXPECT_NEAR(subpaths.log_pdf_area(state, {}, s), expected, 1e-9 * std::abs(expected));
+      beyond += std::abs(expected) > 208;  // 300 log 2
+    }
+    const auto contribution = evaluation.contribution();
+    for (std::size_t c = 0; c < 3; ++c) EXPECT_EQ(contribution[c].value(), state.contribution[c]);
+  }
+  EXPECT_GT(seen, 0);
+  EXPECT_GT(beyond, 0);
 }
 
 // Counts are of the calls since they were last taken.

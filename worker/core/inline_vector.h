@@ -49,6 +49,10 @@ class InlineVector {
     for (std::size_t i = before; i < count; ++i) data()[i] = T();
   }
   void push_back(const T& value) {
+    if (size_ < N) {
+      within()[size_++] = value;
+      return;
+    }
     const T copied = value;
     resize(size_ + 1);
     back() = copied;

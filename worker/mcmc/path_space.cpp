@@ -92,6 +92,7 @@ std::optional<PathSpace::State> PathSpace::state(Path path, const PathState* nea
   if (!found) return std::nullopt;
   State out;
   out.path = *std::move(found);
+  if (near != nullptr) subpaths_.prepare(out.path, *near);
   const auto density = log_pdf_area(out.path);
   if (!density) return std::nullopt;
   out.log_density = *density;

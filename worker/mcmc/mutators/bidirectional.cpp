@@ -1,6 +1,7 @@
 #include "worker/mcmc/mutators/bidirectional.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 
@@ -15,23 +16,41 @@ namespace {
 
 constexpr std::size_t kMaxDeleted = 16, kMaxDifference = 8;
 
-// p_d by the number of vertices: as [Veach 1997, Sec. 11.4.2.1] by edges, of which there is one more.
-double weight_of_deletion(std::size_t vertices) {
-  return vertices == 0 ? 0.25 : vertices == 1 ? 0.5 : std::ldexp(1.0, -static_cast<int>(vertices) - 1);
+constexpr double halved(double value, std::size_t times) {
+  return times == 0 ? value : 0.5 * halved(value, times - 1);
 }
+
+// p_d by the number of vertices: as [Veach 1997, Sec. 11.4.2.1] by edges, of which there is one more.
+constexpr auto kWeightsOfDeletion = [] {
+  std::array<double, kMaxDeleted + 1> weights{0.25, 0.5};
+  for (std::size_t d = 2; d < weights.size(); ++d) weights[d] = halved(1, d + 1);
+  return weights;
+}();
 // p_a by the difference of numbers, which either way has the same weight.
-double weight_of_addition(std::size_t difference) {
-  return difference == 0   ? 0.5
-         : difference == 1 ? 0.15
-                           : 0.2 * std::ldexp(1.0, -static_cast<int>(difference));
+constexpr auto kWeightsOfAddition = [] {
+  std::array<double, kMaxDifference + 1> weights{0.5, 0.15};
+  for (std::size_t d = 2; d < weights.size(); ++d) weights[d] = halved(0.2, d);
+  return weights;
+}();
+
+bool can_end_kept(const PathVertex& v) {
+  return !v.delta && !v.mollified;
 }
 
 }  // namespace
 
-bool BidirectionalMutator::can_add(const Subpaths::Kept& kept, std::size_t deleted, std::size_t a) const {
-  const std::size_t vertices = kept.light + kept.eye + a;
-  if (vertices < std::size_t{context_.min_edges} + 1 || vertices > std::size_t{context_.max_edges} + 1)
-    return false;
+// The bounds of numbers of vertices that may take the place of `deleted` ones.
+BidirectionalMutator::Bounds BidirectionalMutator::bounds(const Subpaths::Kept& kept,
+                                                          std::size_t deleted) const {
+  const std::size_t ends = kept.light + kept.eye, least = std::size_t{context_.min_edges} + 1,
+                    most = std::size_t{context_.max_edges} + 1;
+  if (ends > most) return {};
+  return {std::max(deleted > kMaxDifference ? deleted - kMaxDifference : 0, least > ends ? least - ends : 0),
+          std::min(deleted + kMaxDifference, most - ends) + 1};
+}
+
+inline bool BidirectionalMutator::can_add(const Subpaths::Kept& kept, std::size_t deleted,
+                                          std::size_t a) const {
   // The same path: nothing changes, or a pinhole takes its own place.
   const bool pinhole_alone = kept.eye == 0 && deleted == 1 && !context_.scene.reads_lens();
   if (a == deleted && (deleted == 0 || pinhole_alone)) return false;
@@ -41,48 +60,60 @@ bool BidirectionalMutator::can_add(const Subpaths::Kept& kept, std::size_t delet
 template <class Visit>
 void BidirectionalMutator::for_each_addition(const Subpaths::Kept& kept, std::size_t deleted,
                                              const Visit& visit) const {
-  const std::size_t least = deleted > kMaxDifference ? deleted - kMaxDifference : 0;
-  for (std::size_t a = least; a <= deleted + kMaxDifference; ++a)
-    if (can_add(kept, deleted, a)) visit(a, weight_of_addition(a > deleted ? a - deleted : deleted - a));
+  const Bounds all = bounds(kept, deleted);
+  // Between two walks that go on there may be any number, if some are taken away.
+  const bool any = kept.light > 1 && kept.eye > 1 && deleted > 0;
+  for (std::size_t a = all.begin; a < all.end; ++a)
+    if (any || can_add(kept, deleted, a))
+      visit(a, kWeightsOfAddition[a > deleted ? a - deleted : deleted - a]);
 }
 
 bool BidirectionalMutator::any_addition(const Subpaths::Kept& kept, std::size_t deleted) const {
-  const std::size_t least = deleted > kMaxDifference ? deleted - kMaxDifference : 0;
-  for (std::size_t a = least; a <= deleted + kMaxDifference; ++a)
+  const Bounds all = bounds(kept, deleted);
+  for (std::size_t a = all.begin; a < all.end; ++a)
     if (can_add(kept, deleted, a)) return true;
   return false;
 }
-
-// All that may be taken away of a path.
-struct BidirectionalMutator::Ranges final : Memo {
-  std::vector<Range> all;
-  double sum = 0;
-};
 
 // visit(kept, number of deleted vertices) of each range, until it returns true. True: it did.
 template <class Visit>
 bool BidirectionalMutator::any_range(const transport::path::Path& path, const Visit& visit) const {
   const std::vector<PathVertex>& v = path.vertices;
   const std::size_t count = v.size();
+  // As many vertices may come as are taken away, for sure between two walks that go on.
+  const bool fits = count > std::size_t{context_.min_edges} && count <= std::size_t{context_.max_edges} + 1;
   for (std::size_t light = 0; light < count; ++light) {
-    if (light > 0 && (v[light - 1].delta || v[light - 1].mollified)) continue;
+    if (light > 0 && !can_end_kept(v[light - 1])) continue;
     // x_m, the first vertex that is kept behind, is never the light; count: none is kept.
     for (std::size_t m = std::max<std::size_t>(light, 1); m <= std::min(count, light + kMaxDeleted); ++m) {
-      if (m < count && (v[m].delta || v[m].mollified)) continue;
+      if (m < count && !can_end_kept(v[m])) continue;
       const Subpaths::Kept kept{light, count - m};
-      if (any_addition(kept, m - light) && visit(kept, m - light)) return true;
+      const bool usual =
+          fits && m > light && ((light > 1 && kept.eye > 1) || can_add(kept, m - light, m - light));
+      if ((usual || any_addition(kept, m - light)) && visit(kept, m - light)) return true;
     }
   }
   return false;
 }
 
+// True if any_range() visits it.
+bool BidirectionalMutator::is_range(const transport::path::Path& path, const Subpaths::Kept& kept) const {
+  const std::vector<PathVertex>& v = path.vertices;
+  const std::size_t light = kept.light, m = v.size() - kept.eye;
+  return light < v.size() && m >= std::max<std::size_t>(light, 1) && m <= light + kMaxDeleted &&
+         (light == 0 || can_end_kept(v[light - 1])) && (kept.eye == 0 || can_end_kept(v[m])) &&
+         any_addition(kept, m - light);
+}
+
+struct BidirectionalMutator::Ranges final : Memo {
+  double sum = 0;  // of the weights of all
+};
+
 const BidirectionalMutator::Ranges& BidirectionalMutator::ranges(const PathState& from) const {
   return from.memo<Ranges>(this, [&] {
     auto made = std::make_unique<Ranges>();
-    made->all.reserve(16);
-    any_range(from.path, [&](const Subpaths::Kept& kept, std::size_t deleted) {
-      made->all.push_back({kept, weight_of_deletion(deleted)});
-      made->sum += made->all.back().weight;
+    any_range(from.path, [&](const Subpaths::Kept&, std::size_t deleted) {
+      made->sum += kWeightsOfDeletion[deleted];
       return false;
     });
     return made;
@@ -92,27 +123,23 @@ const BidirectionalMutator::Ranges& BidirectionalMutator::ranges(const PathState
 // Most states are proposals of other mutations, whose ranges nobody asks for.
 double BidirectionalMutator::suitability(const PathState& from) const {
   const std::vector<PathVertex>& v = from.path.vertices;
-  const auto stays = [&](std::size_t i) { return !v[i].delta && !v[i].mollified; };
   // An inner vertex of a usual path, with another one beside it, can be made anew.
   if (const std::size_t k = v.size() - 1; k >= 3 && k >= context_.min_edges && k <= context_.max_edges)
     for (std::size_t i = 1; i < k; ++i)
-      if (stays(i - 1) && stays(i + 1)) return 1;
+      if (can_end_kept(v[i - 1]) && can_end_kept(v[i + 1])) return 1;
   return any_range(from.path, [](const Subpaths::Kept&, std::size_t) { return true; }) ? 1 : 0;
 }
 
 Proposal BidirectionalMutator::propose(const PathState& from, rng::Stream& stream) const {
-  const Ranges& all = ranges(from);
-  double u = stream.next_double() * all.sum;
-  const Range* chosen = &all.all.back();
-  for (const Range& range : all.all) {
-    u -= range.weight;
-    if (u < 0) {
-      chosen = &range;
-      break;
-    }
-  }
-  const Subpaths::Kept kept = chosen->kept;
-  const std::size_t deleted = from.path.vertices.size() - kept.light - kept.eye;
+  double u = stream.next_double() * ranges(from).sum;
+  Subpaths::Kept kept;
+  std::size_t deleted = 0;
+  any_range(from.path, [&](const Subpaths::Kept& range, std::size_t vertices) {
+    kept = range;
+    deleted = vertices;
+    u -= kWeightsOfDeletion[deleted];
+    return u < 0;
+  });
   double additions = 0;
   for_each_addition(kept, deleted, [&](std::size_t, double weight) { additions += weight; });
   u = stream.next_double() * additions;
@@ -144,19 +171,25 @@ std::optional<double> BidirectionalMutator::log_pdf_area(const PathState& from, 
   };
   const Ranges& all = ranges(from);
   LogSum sum;
-  for (const Range& range : all.all) {
-    if (!keeps(range.kept)) continue;
-    const std::size_t deleted = count - range.kept.light - range.kept.eye;
-    const std::size_t added = to_count - range.kept.light - range.kept.eye;
+  const auto add = [&](const Range& range) {
+    const std::size_t ends = range.kept.light + range.kept.eye, deleted = count - ends,
+                      added = to_count - ends;
     double additions = 0, chosen = 0;
     for_each_addition(range.kept, deleted, [&](std::size_t a, double weight) {
       additions += weight;
       if (a == added) chosen = weight;
     });
-    if (!(chosen > 0)) continue;
+    if (!(chosen > 0)) return;
     const auto density = subpaths_.log_pdf_area(to, range.kept);
     if (density) sum.add(*density + math::log(range.weight / all.sum * (chosen / additions)));
-  }
+  };
+  // In the order of any_range().
+  for (std::size_t kept_light = 0; kept_light <= front; ++kept_light)
+    for (std::size_t kept_eye = back + 1; kept_eye-- > 0;) {
+      const Subpaths::Kept kept{kept_light, kept_eye};
+      if (keeps(kept) && is_range(from.path, kept))
+        add({kept, kWeightsOfDeletion[count - kept_light - kept_eye]});
+    }
   return sum.value();
 }
 

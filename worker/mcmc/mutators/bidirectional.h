@@ -36,7 +36,13 @@ class BidirectionalMutator final : public PathMutator {
   const Ranges& ranges(const PathState& from) const;
   template <class Visit>
   bool any_range(const transport::path::Path& path, const Visit& visit) const;
-  // True if `a` vertices may take the place of `deleted` ones; and if there is such a number.
+  bool is_range(const transport::path::Path& path, const Subpaths::Kept& kept) const;
+  struct Bounds {
+    std::size_t begin = 0, end = 0;
+  };
+  Bounds bounds(const Subpaths::Kept& kept, std::size_t deleted) const;
+  // True if `a` vertices, within the bounds, may take the place of `deleted` ones; and if there is such a
+  // number.
   bool can_add(const Subpaths::Kept& kept, std::size_t deleted, std::size_t a) const;
   bool any_addition(const Subpaths::Kept& kept, std::size_t deleted) const;
   // Calls visit(a, weight) for each number of vertices that may take the place of `deleted` ones.

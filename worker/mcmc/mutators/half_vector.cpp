@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <memory>
 #include <utility>
 #include <vector>
 
+#include "worker/core/inline_vector.h"
 #include "worker/core/math.h"
 #include "worker/mcmc/mutators/tracing.h"
 #include "worker/transport/manifold/constraint.h"
@@ -57,14 +59,39 @@ std::optional<std::size_t> moved_stretch(const std::vector<Stretch>& from, const
 
 }  // namespace
 
-// True if the path is broken at an inner vertex.
-bool HalfVectorMutator::breaks(const PathState& state, std::size_t i) const {
-  if (state.path.vertices[i].delta) return false;
+namespace {
+
+// Owner of breaks, which follow from the path alone.
+constexpr char kBreaks = 0;
+
+// By inner vertex, from the light on: true if the path is broken there.
+struct Breaks final : Memo {
+  InlineVector<std::uint8_t, 12> at;
+};
+
+bool breaks(const scene::Scene& scene, const PathState& state, std::size_t i) {
+  const path::PathVertex& vertex = state.path.vertices[i];
+  if (vertex.delta) return false;
+  // Most vertices are diffuse, whatever segment they would be in.
+  if (vertex.kind == path::Kind::surface &&
+      path::least_alpha(scene, state.path, state.assembled(), i) >= kDiffuse)
+    return true;
   path::Segment alone;
-  if (path::make_segment(scene_, state.path, state.assembled(), i - 1, i + 1, alone) != path::NoSegment::none)
+  if (path::make_segment(scene, state.path, state.assembled(), i - 1, i + 1, alone) != path::NoSegment::none)
     return true;
   return alone.alphas.front() >= kDiffuse;
 }
+
+const Breaks& breaks_of(const scene::Scene& scene, const PathState& state) {
+  return state.memo<Breaks>(&kBreaks, [&] {
+    auto made = std::make_unique<Breaks>();
+    for (std::size_t i = 1; i < state.path.edge_count(); ++i)
+      made->at.push_back(breaks(scene, state, i) ? 1 : 0);
+    return made;
+  });
+}
+
+}  // namespace
 
 void HalfVectorMutator::add_stretch(const PathState& state, std::size_t begin, std::size_t end,
                                     std::vector<Stretch>& out) const {
@@ -89,7 +116,7 @@ const std::vector<HalfVectorMutator::Stretch>& HalfVectorMutator::stretches(cons
                          const std::size_t k = state.path.edge_count();
                          std::size_t begin = 0;
                          for (std::size_t i = 1; rules_.segments && i < k; ++i) {
-                           if (!breaks(state, i)) continue;
+                           if (breaks_of(scene_, state).at[i - 1] == 0) continue;
                            add_stretch(state, begin, i, made->all);
                            begin = i;
                          }

@@ -55,7 +55,6 @@ class HalfVectorMutator final : public PathMutator {
   const std::vector<Stretch>& stretches(const PathState& state) const;
   void add_stretch(const PathState& state, std::size_t begin, std::size_t end,
                    std::vector<Stretch>& out) const;
-  bool breaks(const PathState& state, std::size_t i) const;
   const std::optional<transport::manifold::PreparedChain>& prepared(const PathState& state,
                                                                     const Stretch& stretch) const;
   std::optional<transport::manifold::PreparedChain> prepare_stretch(

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "worker/core/recycling_allocator.h"
+
 namespace candela::mcmc {
 
 std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
@@ -12,25 +14,27 @@ std::optional<PathState> path_state(const scene::Scene& scene, transport::path::
   PathState out;
   transport::path::SharedVertices shared;
   if (near != nullptr) shared = transport::path::shared_vertices(near->assembled(), near->path, path);
-  auto assembled = transport::path::assemble(scene, path, rules.film_border, shared, met);
-  if (!assembled) return std::nullopt;
+  out.stands_on_ = std::allocate_shared<PathState::StandsOn>(RecyclingAllocator<PathState::StandsOn>());
+  transport::path::Assembled& assembled = out.stands_on_->assembled;
+  if (!transport::path::assemble_into(assembled, scene, path, rules.film_border, shared, met))
+    return std::nullopt;
   const bool mollified =
       std::ranges::any_of(path.vertices, [](const auto& vertex) { return vertex.mollified; });
   if (near != nullptr && near->mollified)  // copied
-    for (transport::path::InnerVertex& inner : assembled->path.inner) inner.cone = {};
+    for (transport::path::InnerVertex& inner : assembled.path.inner) inner.cone = {};
   if (mollified) {
-    const auto found = transport::path::mollified_vertex(scene, path, assembled->edges);
+    const auto found = transport::path::mollified_vertex(scene, path, assembled.edges);
     if (!found || !(rules.bandwidth > 0)) return std::nullopt;
-    assembled->path.inner[found->vertex - 1].cone = found->cone;
+    assembled.path.inner[found->vertex - 1].cone = found->cone;
     out.mollified = *found;
   }
   transport::path::SharedEnds ends;
   if (near != nullptr) ends = {&near->evaluation(), shared.light, shared.sensor};
-  out.stands_on_ = std::make_shared<PathState::StandsOn>(scene, *std::move(assembled), rules, ends);
+  out.shared_light = shared.light;
+  out.stands_on_->evaluation.emplace(scene, assembled.path, rules, ends, transport::path::Wanted::if_lit);
   const transport::path::Evaluation& evaluation = out.evaluation();
   if (!evaluation.valid() || !evaluation.media_agree() || !evaluation.closed_form()) return std::nullopt;
-  const auto contribution = evaluation.contribution();
-  for (std::size_t c = 0; c < 3; ++c) out.contribution[c] = contribution[c].value();
+  out.contribution = evaluation.contribution_values();
   // As luminance() of vec.h has it.
   out.scalar =
       0.212671 * out.contribution[0] + 0.715160 * out.contribution[1] + 0.072169 * out.contribution[2];

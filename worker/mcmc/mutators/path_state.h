@@ -2,7 +2,9 @@
 // the path.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cstddef>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -30,20 +32,28 @@ class PathState {
   std::array<double, 3> contribution{};
   double scalar = 0;  // its luminance, > 0 and finite
   std::optional<transport::path::MollifiedVertex> mollified;
+  // Vertices from the light's end that are those of the state near which it was made.
+  std::size_t shared_light = 0;
 
   const transport::path::Assembled& assembled() const { return stands_on_->assembled; }
-  const transport::path::Evaluation& evaluation() const { return stands_on_->evaluation; }
+  const transport::path::Evaluation& evaluation() const { return *stands_on_->evaluation; }
 
   // The T, a Memo, that `make()` makes for the owner (a std::unique_ptr<T>) when it is first asked for. It
   // has to follow from the path and the owner alone. Not for two threads at once.
   template <class T, class Make>
   const T& memo(const void* owner, const Make& make) const {
-    for (const auto& [of, kept] : stands_on_->memos)
-      if (of == owner) return static_cast<const T&>(*kept);
+    StandsOn& kept = *stands_on_;
+    for (std::size_t i = 0; i < std::min(kept.memo_count, kUsualMemos); ++i)
+      if (kept.memos[i].first == owner) return static_cast<const T&>(*kept.memos[i].second);
+    for (const auto& [of, memo] : kept.more_memos)
+      if (of == owner) return static_cast<const T&>(*memo);
     std::unique_ptr<T> made = make();
     const T& result = *made;
-    if (stands_on_->memos.capacity() == 0) stands_on_->memos.reserve(kUsualMemos);
-    stands_on_->memos.emplace_back(owner, std::move(made));
+    const std::size_t at = kept.memo_count++;
+    if (at < kUsualMemos)
+      kept.memos[at] = {owner, std::move(made)};
+    else
+      kept.more_memos.emplace_back(owner, std::move(made));
     return result;
   }
 
@@ -51,18 +61,18 @@ class PathState {
   friend std::optional<PathState> path_state(const scene::Scene& scene, transport::path::Path path,
                                              const transport::path::Rules& rules, const PathState* near,
                                              const transport::path::FoundSurfaces* found);
+  using KeptMemo = std::pair<const void*, std::unique_ptr<Memo>>;  // and its owner
+  static constexpr std::size_t kUsualMemos = 4;
   struct StandsOn {
-    StandsOn(const scene::Scene& scene, transport::path::Assembled whole, const transport::path::Rules& rules,
-             const transport::path::SharedEnds& shared)
-        : assembled(std::move(whole)),
-          evaluation(scene, assembled.path, rules, shared, transport::path::Wanted::if_lit) {}
+    StandsOn() = default;
     StandsOn(const StandsOn&) = delete;
     StandsOn& operator=(const StandsOn&) = delete;
     transport::path::Assembled assembled;
-    transport::path::Evaluation evaluation;
-    std::vector<std::pair<const void*, std::unique_ptr<Memo>>> memos;
+    std::optional<transport::path::Evaluation> evaluation;  // of assembled.path
+    std::array<KeptMemo, kUsualMemos> memos;
+    std::vector<KeptMemo> more_memos;
+    std::size_t memo_count = 0;
   };
-  static constexpr std::size_t kUsualMemos = 4;
   std::shared_ptr<StandsOn> stands_on_;
 };
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <type_traits>
 #include <vector>
 
 #include "worker/core/math.h"
@@ -25,30 +26,45 @@ constexpr char kDensities = 0;
 
 constexpr double kNever = -std::numeric_limits<double>::infinity();
 
-// A density that a double cannot hold counts as none.
-path::Scaled held(const path::Scaled& density) {
-  return density.holds() ? density : path::Scaled();
-}
-
-// Products over ranges of densities, some of which are zero.
+// Products over ranges of densities, some of which are zero. Number: double or Scaled.
+template <class Number>
 class RangeProducts {
  public:
-  RangeProducts() {
-    products_.push_back(1);
-    zeros_.push_back(0);
+  // Of `count` densities; density(i) is the i-th one. The first ones, `shared`, are those of `other`. False:
+  // quotients of the products may lose digits.
+  template <class Density>
+  bool set(std::size_t count, std::size_t shared, const RangeProducts* other, const Density& density) {
+    up_to_.resize(count + 1);
+    UpTo* const out = up_to_.data();
+    out[0] = {1, 0};
+    if (shared > 0) std::copy_n(other->up_to_.data(), shared + 1, out);
+    bool holds = true;
+    for (std::size_t i = shared; i < count; ++i) {
+      out[i + 1] = out[i];
+      if (const double one = density(i); one == 0)
+        ++out[i + 1].zeros;
+      else
+        out[i + 1].product *= one;
+      if constexpr (std::is_same_v<Number, double>) holds = holds && keeps_digits(out[i + 1].product);
+    }
+    return holds;
   }
-  void push(const path::Scaled& density) {
-    const path::Scaled kept = held(density);
-    products_.push_back(kept.is_zero() ? products_.back() : products_.back() * kept);
-    zeros_.push_back(zeros_.back() + (kept.is_zero() ? 1 : 0));
-  }
-  path::Scaled product(std::size_t begin, std::size_t end) const {
-    return zeros_[end] > zeros_[begin] ? path::Scaled() : products_[end] / products_[begin];
+  Number product(std::size_t begin, std::size_t end) const {
+    const UpTo* const up_to = up_to_.data();
+    if (up_to[end].zeros > up_to[begin].zeros) return 0;
+    if (begin == 0) return up_to[end].product;
+    return up_to[end].product / up_to[begin].product;
   }
 
+  // True if products and quotients of three such numbers are as exact as any.
+  static bool keeps_digits(double number) { return number > 0x1p-300 && number < 0x1p300; }
+
  private:
-  path::PathVector<path::Scaled> products_;
-  path::PathVector<std::uint32_t> zeros_;
+  struct UpTo {
+    Number product;  // without zeros
+    std::uint32_t zeros = 0;
+  };
+  path::PathVector<UpTo> up_to_;
 };
 
 // A vertex that next event estimation chooses at `hit`, on a surface or in a medium, which the eye's walk
@@ -124,18 +140,6 @@ Subpaths::Subpaths(const MutatorContext& context) : context_(context) {
   const scene::SceneFeatures& features = context.scene.features();
   hits_lights_ = features.any_area_emitter || features.any_environment;
   hits_lens_ = features.finite_lens;
-}
-
-Subpaths::Choices Subpaths::choices(const Kept& kept, std::size_t added) const {
-  const std::size_t needs = (kept.light == 0 ? 1u : 0u) + (kept.eye == 0 ? 1u : 0u);
-  if (added < needs) return {};
-  std::size_t first = 0, last = added;
-  if (kept.light == 0 && !hits_lights_) first = 1;
-  if (kept.eye == 0 && !hits_lens_) last = added - 1;
-  if (kept.light == 1) last = 0;
-  if (kept.eye == 1) first = added;
-  if (first > last) return {};
-  return {first, last - first + 1};
 }
 
 Proposal Subpaths::make(const PathState* from, const Kept& kept, std::size_t added, std::size_t s,
@@ -291,26 +295,56 @@ double Subpaths::prob_way(const PathState& state, const Kept& kept, std::size_t 
 }
 
 // Densities of walks at each vertex of a path. Index i: vertex x_i.
-struct Subpaths::Densities final : Memo {
-  RangeProducts light, eye;  // of steps that arrive at x_i, and of the ends themselves
-  path::Scaled light_direct, light_prob;
-  std::vector<double> stay_light, stay_eye;  // at x_i, where the walk ends; empty: nothing passes straight
-};
+template <class Number>
+struct Subpaths::Walks {
+  RangeProducts<Number> light, eye;  // of steps that arrive at x_i, and of the ends themselves
+  Number light_direct, light_prob;
 
-const Subpaths::Densities& Subpaths::densities(const PathState& state) const {
-  return state.memo<Densities>(&kDensities, [&] {
-    const path::Evaluation& evaluation = state.evaluation();
+  // near: of a path with the same vertices before x_shared; null: none. False: Number does not hold them.
+  bool set(const path::Evaluation& evaluation, const Walks* near, std::size_t shared) {
     const path::PathNumbers& n = evaluation.numbers();
     const std::size_t k = n.edges;
+    const auto of_light = [&](std::size_t i) -> double {
+      if (i == 0) return 1;
+      return i < k || n.lens_can_be_hit ? evaluation.held_step_density(true, i) : 0;
+    };
+    const auto of_eye = [&](std::size_t i) -> double {
+      if (i == k) return path::held(n.lens_prob);
+      return i > 0 || n.light_can_be_hit ? evaluation.held_step_density(false, i) : 0;
+    };
+    // A density at a vertex follows from that and the two that the walk left before.
+    const bool light_holds = light.set(k + 1, shared, near == nullptr ? nullptr : &near->light, of_light);
+    const bool eye_holds =
+        eye.set(k + 1, shared > 2 ? shared - 2 : 0, near == nullptr ? nullptr : &near->eye, of_eye);
+    const double direct = path::held(n.light_direct), prob = path::held(n.light_prob);
+    light_direct = direct;
+    light_prob = prob;
+    const auto end_holds = [](double one) { return one == 0 || RangeProducts<double>::keeps_digits(one); };
+    return light_holds && eye_holds && end_holds(direct) && end_holds(prob);
+  }
+};
+
+struct Subpaths::Densities final : Memo {
+  Walks<double> plain;
+  std::unique_ptr<Walks<path::Scaled>> scaled;  // null: doubles hold all
+  std::vector<double> stay_light, stay_eye;     // at x_i, where the walk ends; empty: nothing passes straight
+};
+
+const Subpaths::Densities& Subpaths::densities(const PathState& state, const PathState* near) const {
+  return state.memo<Densities>(&kDensities, [&] {
+    const path::Evaluation& evaluation = state.evaluation();
+    const std::size_t k = evaluation.numbers().edges;
+    // Media around an edge, and on which side a cone opens, may follow from vertices far away.
+    const bool shares = near != nullptr && state.shared_light > 0 && !state.mollified && !near->mollified &&
+                        context_.scene.features().media == 0;
+    const Densities* other = shares ? &densities(*near) : nullptr;
+    if (other != nullptr && other->scaled != nullptr) other = nullptr;
     auto made = std::make_unique<Densities>();
-    made->light_direct = held(n.light_direct);
-    made->light_prob = held(n.light_prob);
-    made->light.push(1);
-    for (std::size_t i = 1; i < k; ++i) made->light.push(evaluation.step_density(true, i));
-    made->light.push(n.lens_can_be_hit ? evaluation.step_density(true, k) : path::Scaled());
-    made->eye.push(n.light_can_be_hit ? evaluation.step_density(false, 0) : path::Scaled());
-    for (std::size_t i = 1; i < k; ++i) made->eye.push(evaluation.step_density(false, i));
-    made->eye.push(n.lens_prob);
+    if (!made->plain.set(evaluation, other == nullptr ? nullptr : &other->plain,
+                         other == nullptr ? 0 : state.shared_light)) {
+      made->scaled = std::make_unique<Walks<path::Scaled>>();
+      made->scaled->set(evaluation, nullptr, 0);
+    }
     if (context_.scene.features().any_passthrough) {
       made->stay_light.assign(k + 1, 1);
       made->stay_eye.assign(k + 1, 1);
@@ -322,36 +356,50 @@ const Subpaths::Densities& Subpaths::densities(const PathState& state) const {
   });
 }
 
-path::Scaled Subpaths::pdf_area(const PathState& state, const Kept& kept, std::size_t s) const {
+template <class Number>
+Number Subpaths::pdf_area(const PathState& state, const Densities& all, const Walks<Number>& d,
+                          const Kept& kept, std::size_t s) const {
   const std::vector<PathVertex>& v = state.path.vertices;
   const std::size_t count = v.size(), end = count - kept.eye;
   const std::size_t joint = kept.light + s;  // the first vertex on the eye's side
   const bool joins = joint > 0 && joint < count;
-  if (joins && (v[joint - 1].delta || v[joint].delta)) return {};
-  const Densities& d = densities(state);
-  path::Scaled density = d.light.product(kept.light, joint) * d.eye.product(joint, end);
+  if (joins && (v[joint - 1].delta || v[joint].delta)) return 0;
+  Number density = d.light.product(kept.light, joint) * d.eye.product(joint, end);
   if (kept.light == 0 && s > 0) density *= s == 1 ? d.light_direct : d.light_prob;
   // A walk stays at its last vertex, unless that is an end.
   const bool light_ends = joint > std::max<std::size_t>(kept.light, 1) && joint < count;
   const bool eye_ends = joint < end && joint + 1 < count;
   if (joins && context_.bandwidth > 0) density *= prob_way(state, kept, joint);
-  if (light_ends && !d.stay_light.empty()) density *= d.stay_light[joint - 1];
-  if (eye_ends && !d.stay_eye.empty()) density *= d.stay_eye[joint];
+  if (light_ends && !all.stay_light.empty()) density *= all.stay_light[joint - 1];
+  if (eye_ends && !all.stay_eye.empty()) density *= all.stay_eye[joint];
   return density;
 }
 
+template <class Number>
+path::Scaled Subpaths::sum_area(const PathState& state, const Densities& all, const Walks<Number>& walks,
+                                const Kept& kept, const Choices& choices) const {
+  Number sum = 0;
+  for (std::size_t s = choices.first; s < choices.first + choices.count; ++s)
+    sum += pdf_area(state, all, walks, kept, s);
+  return sum;
+}
+
 double Subpaths::log_pdf_area(const PathState& state, const Kept& kept, std::size_t s) const {
-  return pdf_area(state, kept, s).log();
+  const Densities& all = densities(state);
+  const path::Scaled pdf =
+      all.scaled ? pdf_area(state, all, *all.scaled, kept, s) : pdf_area(state, all, all.plain, kept, s);
+  return pdf.log();
 }
 
 std::optional<double> Subpaths::log_pdf_area(const PathState& state, const Kept& kept) const {
   const std::size_t count = state.path.vertices.size();
   if (count < kept.light + kept.eye) return std::nullopt;
-  const Choices all = choices(kept, count - kept.light - kept.eye);
-  path::Scaled sum = 0;
-  for (std::size_t s = all.first; s < all.first + all.count; ++s) sum += pdf_area(state, kept, s);
+  const Choices ways = choices(kept, count - kept.light - kept.eye);
+  const Densities& all = densities(state);
+  const path::Scaled sum = all.scaled ? sum_area(state, all, *all.scaled, kept, ways)
+                                      : sum_area(state, all, all.plain, kept, ways);
   if (sum.is_zero()) return std::nullopt;
-  return (sum / static_cast<double>(all.count)).log();
+  return (sum / static_cast<double>(ways.count)).log();
 }
 
 }  // namespace candela::mcmc

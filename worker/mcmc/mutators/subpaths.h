@@ -37,12 +37,25 @@ class Subpaths {
   explicit Subpaths(const MutatorContext& context);
 
   // The ways to split `added` vertices. They follow from the numbers and the scene.
-  Choices choices(const Kept& kept, std::size_t added) const;
+  Choices choices(const Kept& kept, std::size_t added) const {
+    const std::size_t needs = (kept.light == 0 ? 1u : 0u) + (kept.eye == 0 ? 1u : 0u);
+    if (added < needs) return {};
+    std::size_t first = 0, last = added;
+    if (kept.light == 0 && !hits_lights_) first = 1;
+    if (kept.eye == 0 && !hits_lens_) last = added - 1;
+    if (kept.light == 1) last = 0;
+    if (kept.eye == 1) first = added;
+    if (first > last) return {};
+    return {first, last - first + 1};
+  }
   // A path with `added` new vertices, s of them by the light's walk. from: the path that is kept in part;
   // null if nothing is. Preconditions: s is one of the choices, vertices at the ends of what is kept turn by
   // no delta lobe, and the path has at least 2 edges.
   Proposal make(const PathState* from, const Kept& kept, std::size_t added, std::size_t s,
                 rng::Stream& stream) const;
+  // Computes what densities of `path` are made of. near: the state near which it was made; what follows from
+  // the vertices that both share at the light's end is copied. The densities are the same to the bit.
+  void prepare(const PathState& path, const PathState& near) const { densities(path, &near); }
   // The log of the density with which make() chose the vertices of `path` that are not kept, over the choices
   // of s. Nothing: it never does.
   std::optional<double> log_pdf_area(const PathState& path, const Kept& kept) const;
@@ -62,8 +75,16 @@ class Subpaths {
   // Probability of the way of such a path; 0: no way makes it.
   double prob_way(const PathState& state, const Kept& kept, std::size_t joint) const;
   struct Densities;
-  transport::path::Scaled pdf_area(const PathState& path, const Kept& kept, std::size_t s) const;
-  const Densities& densities(const PathState& path) const;
+  // Number: double, or Scaled where a double cannot hold the products.
+  template <class Number>
+  struct Walks;
+  template <class Number>
+  Number pdf_area(const PathState& path, const Densities& all, const Walks<Number>& d, const Kept& kept,
+                  std::size_t s) const;
+  template <class Number>
+  transport::path::Scaled sum_area(const PathState& path, const Densities& all, const Walks<Number>& walks,
+                                   const Kept& kept, const Choices& choices) const;
+  const Densities& densities(const PathState& path, const PathState* near = nullptr) const;
 
   const MutatorContext context_;
   bool hits_lights_ = false, hits_lens_ = false;

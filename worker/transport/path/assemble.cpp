@@ -1,6 +1,7 @@
 #include "worker/transport/path/assemble.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "worker/scene/emitters/lights.h"
 #include "worker/scene/points/surface_points.h"
@@ -80,48 +81,51 @@ SharedVertices shared_vertices(const Assembled& of, const Path& from, const Path
   return {&of, changed.begin, from.vertices.size() - changed.end};
 }
 
-std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, float film_border,
-                                  const SharedVertices& shared, const FoundSurfaces* found) {
+bool assemble_into(Assembled& out, const scene::Scene& scene, const Path& path, float film_border,
+                   const SharedVertices& shared, const FoundSurfaces* found) {
   const std::size_t k = path.edge_count();
-  Assembled out;
+  const std::size_t light = shared.light, sensor = shared.sensor;
   out.edges.resize(k);
   out.places.resize(k + 1);
   out.path.inner.reserve(k - 1);
   out.path.along.reserve(k);
-  // The index in the other path of a range of vertices; nothing: it is not shared.
-  const auto in_other = [&](std::size_t first, std::size_t last) -> std::optional<std::size_t> {
-    if (last < shared.light) return first;
-    if (first + shared.sensor > k) return first + shared.of->edges.size() - k;
-    return std::nullopt;
-  };
-  for (std::size_t i = 0; i <= k; ++i) {
-    const auto other = in_other(i, i);
+  // True if two vertices that follow each other are shared.
+  const auto shares = [&](std::size_t first) { return first + 1 < light || first + sensor > k; };
+  if (light > 0) {
+    const Assembled& other = *shared.of;
+    std::copy_n(other.places.begin(), light, out.places.begin());
+    const auto inner = static_cast<std::ptrdiff_t>(std::min(light, k)) - 1;
+    out.path.inner.assign(other.path.inner.begin(), other.path.inner.begin() + inner);
+  }
+  for (std::size_t i = light; i + sensor <= k; ++i) {
     const PathVertex& v = path.vertices[i];
     const FoundSurface* met = nullptr;
-    if (!other && found != nullptr && is_on_surface(v.kind)) met = found->find(v.point);
-    out.places[i] = other ? shared.of->places[*other] : place_of(scene, v, met);
-    if (i == 0 || i == k) continue;
-    if (other)
-      out.path.inner.push_back(shared.of->path.inner[*other - 1]);
-    else
-      out.path.inner.push_back(inner_vertex(scene, v, met));
+    if (found != nullptr && is_on_surface(v.kind)) met = found->find(v.point);
+    out.places[i] = place_of(scene, v, met);
+    if (i > 0 && i < k) out.path.inner.push_back(inner_vertex(scene, v, met));
+  }
+  if (sensor > 0) {
+    const Assembled& other = *shared.of;
+    std::copy_n(other.places.end() - sensor, sensor, out.places.end() - sensor);
+    const auto inner = static_cast<std::ptrdiff_t>(std::min(sensor, k)) - 1;
+    out.path.inner.insert(out.path.inner.end(), other.path.inner.end() - inner, other.path.inner.end());
   }
   for (std::size_t i = 1; i + 1 < k; ++i) {
-    if (const auto other = in_other(i, i + 1)) {
-      out.edges[i] = shared.of->edges[*other];
+    if (shares(i)) {
+      out.edges[i] = shared.of->edges[i + 1 < light ? i : i + shared.of->edges.size() - k];
       continue;
     }
     const Vec3d way = out.places[i + 1] - out.places[i];
     const double l = length(way);
-    if (!(l > 0)) return std::nullopt;
+    if (!(l > 0)) return false;
     out.edges[i] = {way / l, l};
   }
   // The lens, as the vertex before it sees it. Light from outside that the sensor looks at has no such place.
-  if (k == 1 && path.vertices.front().kind != Kind::surface_light) return std::nullopt;
+  if (k == 1 && path.vertices.front().kind != Kind::surface_light) return false;
   scene::SurfaceHit light_seen;
   if (k == 1) light_seen = scene.points().hit(path.vertices.front().point);
   const scene::SurfaceHit& seen = k == 1 ? light_seen : out.path.inner.back().hit;
-  if (in_other(k - 1, k)) {
+  if (shares(k - 1)) {
     const Assembled& other = *shared.of;
     out.film = other.film;
     out.path.lens = other.path.lens;
@@ -132,19 +136,19 @@ std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, f
     const Vec2 u_lens{static_cast<float>(path.vertices.back().place.x),
                       static_cast<float>(path.vertices.back().place.y)};
     scene::CameraSample camera;
-    if (!scene.sample_camera(seen, u_lens, camera, film_border)) return std::nullopt;
+    if (!scene.sample_camera(seen, u_lens, camera, film_border)) return false;
     out.film = {camera.film_x, camera.film_y};
     out.path.lens = camera.p;
     out.path.lens_infinite = camera.delta_direction;
     out.path.lens_near = camera.shadow_ray.origin + camera.shadow_ray.direction * camera.shadow_ray.t_max;
     const Vec3d way = Vec3d(camera.p) - out.places[k - 1];
     const double distance = length(way);
-    if (!(distance > 0)) return std::nullopt;
+    if (!(distance > 0)) return false;
     out.edges.back() =
         camera.delta_direction ? PathEdge{Vec3d(camera.wi), 0} : PathEdge{way / distance, distance};
   }
 
-  if (in_other(0, 1)) {
+  if (shares(0)) {
     const FullPath& other = shared.of->path;
     out.path.light = other.light;
     out.path.light_infinite = other.light_infinite;
@@ -156,10 +160,17 @@ std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, f
     const Vec3d next = k == 1 ? Vec3d(out.path.lens) : out.places[1];
     const PathEdge last = out.edges.back();
     if (!set_light(scene, path.vertices.front(), next, k == 1 ? seen : out.path.inner.front().hit, out))
-      return std::nullopt;
+      return false;
     if (k == 1) out.edges.back() = last;
   }
   for (const PathEdge& edge : out.edges) out.path.along.emplace_back(Vec3(edge.direction));
+  return true;
+}
+
+std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, float film_border,
+                                  const SharedVertices& shared, const FoundSurfaces* found) {
+  std::optional<Assembled> out(std::in_place);
+  if (!assemble_into(*out, scene, path, film_border, shared, found)) return std::nullopt;
   return out;
 }
 

@@ -36,6 +36,9 @@ SharedVertices shared_vertices(const Assembled& of, const Path& from, const Path
 // in the scene.
 std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, float film_border = 0,
                                   const SharedVertices& shared = {}, const FoundSurfaces* found = nullptr);
+// Where states come and go: the same into `out`, which is new. False: nothing.
+bool assemble_into(Assembled& out, const scene::Scene& scene, const Path& path, float film_border,
+                   const SharedVertices& shared, const FoundSurfaces* found);
 
 // The path's vertices by name: of a path that walks made. u_lens: where on the lens it ends. Nothing: a
 // surface of it is not found again.

@@ -138,7 +138,10 @@ bool Evaluation::copy_edge(const SharedEnds& shared, std::size_t i) {
     if (i + shared.sensor < k + 1) return false;
     from = i + shared.of->numbers_.edges - k;
   }
-  edges_[i] = shared.of->edges_[from];
+  if (const Edge& other = shared.of->edges_[from]; other.stretches.size() == 1)
+    edges_[i].stretches.push_back(other.stretches[0]);
+  else
+    edges_[i] = other;
   numbers_.distance_squared[i] = shared.of->numbers_.distance_squared[from];
   return true;
 }
@@ -362,9 +365,9 @@ void Evaluation::evaluate_inner(std::size_t i) {
     }
     n.pdf_to_eye[i] =
         static_cast<double>(from_light.pdf_solid_angle(local_light, local_eye, TransportMode::importance));
-    n.pdf_to_light[i] =
-        static_cast<double>(from_eye.pdf_solid_angle(local_eye, local_light, TransportMode::radiance));
-    x.value = channels(from_eye.eval(local_eye, local_light, TransportMode::radiance));
+    float pdf = 0;
+    x.value = channels(from_eye.eval_pdf(local_eye, local_light, TransportMode::radiance, pdf));
+    n.pdf_to_light[i] = static_cast<double>(pdf);
   }
   x.prob_to_eye = n.pdf_to_eye[i];
   x.prob_to_light = n.pdf_to_light[i];

@@ -28,7 +28,9 @@ Scaled& Scaled::operator+=(const Scaled& other) {
   constexpr std::int64_t kFarApart = 64;  // beyond the last bit
   const std::int64_t apart = large.exponent_ - small.exponent_, exponent = large.exponent_;
   double sum = large.mantissa_;
-  if (apart < kFarApart) sum += std::ldexp(small.mantissa_, -static_cast<int>(apart));
+  if (apart < kFarApart)
+    sum +=
+        small.mantissa_ * std::bit_cast<double>(static_cast<std::uint64_t>(kBias - apart) << kFractionBits);
   mantissa_ = sum;
   exponent_ = exponent;
   normalize();

@@ -7,6 +7,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "worker/core/inline_vector.h"
@@ -25,14 +26,28 @@ class Scaled {
   Scaled(double value = 0) : mantissa_(value) { normalize(); }  // NOLINT(google-explicit-constructor)
   Scaled& operator*=(const Scaled& other) {
     mantissa_ *= other.mantissa_;
-    exponent_ = mantissa_ == 0 ? 0 : exponent_ + other.exponent_;
-    normalize();
+    exponent_ += other.exponent_;
+    if (mantissa_ >= 1 && mantissa_ < 4) {  // of two mantissas
+      const bool carries = mantissa_ >= 2;
+      mantissa_ *= carries ? 0.5 : 1.0;
+      exponent_ += carries ? 1 : 0;
+      return *this;
+    }
+    if (mantissa_ == 0) exponent_ = 0;
+    normalize_rare();
     return *this;
   }
   Scaled& operator/=(const Scaled& other) {
     mantissa_ /= other.mantissa_;
-    exponent_ = mantissa_ == 0 ? 0 : exponent_ - other.exponent_;
-    normalize();
+    exponent_ -= other.exponent_;
+    if (mantissa_ > 0.5 && mantissa_ < 2) {
+      const bool borrows = mantissa_ < 1;
+      mantissa_ *= borrows ? 2.0 : 1.0;
+      exponent_ -= borrows ? 1 : 0;
+      return *this;
+    }
+    if (mantissa_ == 0) exponent_ = 0;
+    normalize_rare();
     return *this;
   }
   friend Scaled operator*(Scaled a, const Scaled& b) { return a *= b; }
@@ -50,6 +65,7 @@ class Scaled {
   void normalize() {
     const auto bits = std::bit_cast<std::uint64_t>(mantissa_);
     const std::uint64_t exponent = bits >> kFractionBits & 0x7ff;
+    if (bits == 0) return;
     if (exponent == 0 || exponent == 0x7ff) return normalize_rare();
     mantissa_ = std::bit_cast<double>((bits & ~(std::uint64_t{0x7ff} << kFractionBits)) |
                                       std::uint64_t{kBias} << kFractionBits);
@@ -61,6 +77,13 @@ class Scaled {
   double mantissa_;                                       // 0 or in [1, 2)
   std::int64_t exponent_ = 0;
 };
+
+// A density that a double cannot hold counts as none.
+inline double held(double density) {
+  return density >= std::numeric_limits<double>::min() && density <= std::numeric_limits<double>::max()
+             ? density
+             : 0;
+}
 
 // Neighbor of a mollified vertex (mollified.h) towards which the cone around its delta lobe opens.
 enum class Cone : std::uint8_t { none, towards_light, towards_eye };

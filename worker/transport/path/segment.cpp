@@ -1,6 +1,8 @@
 #include "worker/transport/path/segment.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "worker/scene/bsdfs/lobe_shapes.h"
 #include "worker/scene/points/surface_points.h"
@@ -122,6 +124,16 @@ NoSegment make_segment(const scene::Scene& scene, const Path& path, const Assemb
     reason = set_inner(scene, path, assembled, i, out);
   if (reason == NoSegment::none) reason = set_end(scene, path, assembled, end, out);
   return reason;
+}
+
+double least_alpha(const scene::Scene& scene, const Path& path, const Assembled& assembled, std::size_t i) {
+  const scene::SurfaceHit& hit = assembled.path.inner[i - 1].hit;
+  const Vec3 wo = hit.shading.to_local(Vec3(assembled.edges[i].direction));
+  scene::ClosureArena arena;
+  double least = std::numeric_limits<double>::infinity();
+  for (const scene::LobeShape& lobe : scene::lobe_shapes(scene.closure(hit, wo, arena), wo))
+    if ((lobe.alpha == 0) == path.vertices[i].delta) least = std::min(least, lobe.alpha);
+  return least;
 }
 
 Path with_segment(const Path& path, const Segment& segment, const manifold::Chain& chain) {

@@ -37,6 +37,10 @@ enum class NoSegment : std::uint8_t {
 NoSegment make_segment(const scene::Scene& scene, const Path& path, const Assembled& assembled,
                        std::size_t begin, std::size_t end, Segment& out);
 
+// The smallest alpha of the lobes by which the path may turn at vertex i, a surface, on whichever side of it;
+// of delta lobes if it turns by such. Infinity: there are none.
+double least_alpha(const scene::Scene& scene, const Path& path, const Assembled& assembled, std::size_t i);
+
 // The path whose inner vertices of the segment are those of the chain.
 Path with_segment(const Path& path, const Segment& segment, const manifold::Chain& chain);
 

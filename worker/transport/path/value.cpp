@@ -40,20 +40,45 @@ Channels Evaluation::transmittance(const Edge& edge) const {
   return t;
 }
 
+// The cosine at the edge's end towards the eye is the bsdf's, or the lens'.
+Channels Evaluation::passed_along(std::size_t i) const {
+  const double leaving = numbers_.in_medium[i] ? 1 : numbers_.factor_to_eye[i];
+  Channels passed{1, 1, 1};
+  if (!edges_[i].is_plain()) passed = transmittance(edges_[i]);
+  for (double& one : passed) one *= leaving / numbers_.distance_squared[i];
+  return passed;
+}
+
 std::array<Scaled, 3> Evaluation::contribution() const {
   std::array<Scaled, 3> f;
   for (std::size_t c = 0; c < 3; ++c) f[c] = Scaled(emitted_[c]) * importance_;
   for (std::size_t i = 0; i < numbers_.edges; ++i) {
-    // The cosine at the end towards the eye is the bsdf's, or the lens'.
-    const double leaving = numbers_.in_medium[i] ? 1 : numbers_.factor_to_eye[i];
-    Channels passed{1, 1, 1};
-    if (!edges_[i].is_plain()) passed = transmittance(edges_[i]);
-    for (std::size_t c = 0; c < 3; ++c) {
-      passed[c] *= leaving / numbers_.distance_squared[i];
-      f[c] *= i > 0 ? passed[c] * inner_[i - 1].value[c] : passed[c];
-    }
+    const Channels passed = passed_along(i);
+    for (std::size_t c = 0; c < 3; ++c) f[c] *= i > 0 ? passed[c] * inner_[i - 1].value[c] : passed[c];
   }
   return f;
+}
+
+std::array<double, 3> Evaluation::contribution_values() const {
+  constexpr double kLeast = 0x1p-900, kMost = 0x1p900;  // no digit is lost between them
+  Channels f{};
+  bool holds = true;
+  const auto multiply = [&](std::size_t c, double factor) {
+    const double product = f[c] * factor;
+    holds = holds && ((product > kLeast && product < kMost) || (product == 0 && (f[c] == 0 || factor == 0)));
+    f[c] = product;
+  };
+  for (std::size_t c = 0; c < 3; ++c) {
+    f[c] = emitted_[c];
+    multiply(c, importance_);
+  }
+  for (std::size_t i = 0; i < numbers_.edges; ++i) {
+    const Channels passed = passed_along(i);
+    for (std::size_t c = 0; c < 3; ++c) multiply(c, i > 0 ? passed[c] * inner_[i - 1].value[c] : passed[c]);
+  }
+  if (holds) return f;
+  const std::array<Scaled, 3> scaled = contribution();
+  return {scaled[0].value(), scaled[1].value(), scaled[2].value()};
 }
 
 // The density of the flight along an edge, and of passing its surfaces straight. color: of what the walk
@@ -87,23 +112,36 @@ Scaled Evaluation::fly(bool from_light, std::size_t i, Arrival arrival, bool exp
   return density;
 }
 
-Scaled Evaluation::step_density(bool from_light, std::size_t v) const {
+double Evaluation::leaving_density(bool from_light, std::size_t v) const {
   const PathNumbers& n = numbers_;
-  const std::size_t before = from_light ? v - 1 : v + 1, edge = from_light ? v - 1 : v;
-  double leaves = 0;
-  if (before == (from_light ? 0 : n.edges))
-    leaves = from_light ? n.pdf_to_eye[0] : n.pdf_to_light[n.edges];
-  else
-    leaves = from_light ? inner_[before - 1].prob_to_eye : inner_[before - 1].prob_to_light;
-  if (edges_[edge].is_plain() && !n.in_medium[v])
-    return leaves * (from_light ? n.factor_to_light[v] : n.factor_to_eye[v]) / n.distance_squared[edge];
-  Scaled density = leaves;
+  const std::size_t before = from_light ? v - 1 : v + 1;
+  if (before == (from_light ? 0 : n.edges)) return from_light ? n.pdf_to_eye[0] : n.pdf_to_light[n.edges];
+  return from_light ? inner_[before - 1].prob_to_eye : inner_[before - 1].prob_to_light;
+}
+
+double Evaluation::plain_step_density(bool from_light, std::size_t v) const {
+  const PathNumbers& n = numbers_;
+  return leaving_density(from_light, v) * (from_light ? n.factor_to_light[v] : n.factor_to_eye[v]) /
+         n.distance_squared[from_light ? v - 1 : v];
+}
+
+Scaled Evaluation::step_density(bool from_light, std::size_t v) const {
+  if (steps_plainly(from_light, v)) return plain_step_density(from_light, v);
+  const PathNumbers& n = numbers_;
+  const std::size_t edge = from_light ? v - 1 : v;
+  Scaled density = leaving_density(from_light, v);
   const Arrival arrival = n.in_medium[v] ? Arrival::medium : v == n.edges ? Arrival::lens : Arrival::surface;
   Channels white{1, 1, 1};
   // A mutation's walk flies through all of a medium without an end.
   density *= fly(from_light, edge, arrival, false, white, static_cast<double>(Ray().t_max));
   if (!n.in_medium[v]) density *= from_light ? n.factor_to_light[v] : n.factor_to_eye[v];
   return density / n.distance_squared[edge];
+}
+
+double Evaluation::held_step_density(bool from_light, std::size_t v) const {
+  if (steps_plainly(from_light, v)) return held(plain_step_density(from_light, v));
+  const Scaled density = step_density(from_light, v);
+  return density.holds() ? density.value() : 0;
 }
 
 double Evaluation::prob_stay(bool from_light, std::size_t v) const {
