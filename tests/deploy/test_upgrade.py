@@ -95,6 +95,8 @@ class Upgrade(OnAMachine):
             self.run_line(line)
         self.assertEqual(build_of("/usr/bin/candela-worker"), new)
         self.assertGreaterEqual(self.job(job)["iterations"], before, "iterations are lost")
+        self.assertTrue(eventually(lambda: self.job(job)["iterations"] > before))
+        self.run_line(f"candela pause {job}")  # what is rendered here is rendered again below
 
         # The other machine: refused, and again if its service starts it again.
         refusal = f"build_id: the master refuses this worker: the worker is build {old}, this farm {new} (install the same build on both"
@@ -107,7 +109,9 @@ class Upgrade(OnAMachine):
         self.assertEqual([w["build_id"] for w in self.workers_now() if w["state"] not in ("lost", "awaited")], [new])
         install_on(second)
         self.expect_registered(*self.second_machine(second, "second-after"))
-        self.assertTrue(eventually(lambda: [w["units_merged"] for w in self.workers_now() if w["name"] == "second"][-1] > 0))
+        self.run_line(f"candela resume {job}")
+        # Its old programs are listed too, for a minute, as a worker that the new master awaits.
+        self.assertTrue(eventually(lambda: any(w["units_merged"] > 0 for w in self.workers_now() if w["name"] == "second")))
 
         self.run_line(f"candela cancel {job}")
         for line in commands("Upgrade")[2:]:
