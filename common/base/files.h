@@ -39,8 +39,8 @@ Result<void> make_directories(const std::filesystem::path& path);
 class MappedFile {
  public:
   static constexpr std::uint64_t kCopiedBytes = std::uint64_t{256} << 20;
-  // Up to so many lie on the heap, whose pages serve one file after the other: a mapping's are cleared for
-  // each.
+  // Files of up to so many bytes lie on the heap, whose pages serve one file after the other: the pages of a
+  // mapping are cleared for each.
   static constexpr std::uint64_t kSmallBytes = std::uint64_t{4} << 20;
   static Result<std::shared_ptr<const MappedFile>> open(const std::filesystem::path& path);
   ~MappedFile();

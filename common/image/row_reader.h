@@ -15,7 +15,7 @@ class RowReader : public ImageReader {
   bool read_part(int part, int first, int last, SampleType type, void* out) final {
     return part == 0 && read_rows(0, spec_.height, first, last, type, out);
   }
-  // As they are, or as floats of [0, 1].
+  // Gives samples as they are, or as floats of [0, 1].
   bool read_rows(int begin, int end, int first, int last, SampleType type, void* out) final;
   bool read_tiles(int, int, int, int, SampleType, void*) final { return fail("the format has no tiles"); }
   std::string error() final { return std::exchange(error_, {}); }

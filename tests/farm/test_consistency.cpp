@@ -24,7 +24,7 @@ std::vector<std::string> chains_compared() {
     std::erase_if(names, [](const std::string& name) { return !test::integrator_row(name).stands_for_kind; });
   return names;
 }
-// With what they are compared with.
+// Adds what the chains are compared with.
 std::vector<std::string> compared() {
   std::vector<std::string> names = chains_compared();
   if (long_form()) names.insert(names.begin(), "bdpt");

@@ -18,14 +18,13 @@ class RecyclingAllocator {
   RecyclingAllocator(const RecyclingAllocator<U>&) {}  // NOLINT(google-explicit-constructor)
 
   T* allocate(std::size_t count) {
-    Kept& kept = this_thread();
-    if (count == 1 && kept.count > 0) return static_cast<T*>(kept.blocks[--kept.count]);
+    if (Kept* const kept = this_thread(); kept != nullptr && count == 1 && kept->count > 0)
+      return static_cast<T*>(kept->blocks[--kept->count]);
     return static_cast<T*>(::operator new (count * sizeof(T), std::align_val_t{alignof(T)}));
   }
   void deallocate(T* block, std::size_t count) {
-    Kept& kept = this_thread();
-    if (count == 1 && kept.count < kept.blocks.size())
-      kept.blocks[kept.count++] = block;
+    if (Kept* const kept = this_thread(); kept != nullptr && count == 1 && kept->count < kept->blocks.size())
+      kept->blocks[kept->count++] = block;
     else
       release(block);
   }
@@ -42,12 +41,18 @@ class RecyclingAllocator {
     std::size_t count = 0;
     ~Kept() {
       while (count > 0) release(blocks[--count]);
-      count = blocks.size();  // what outlives the thread is kept no more
+      ended() = true;
     }
   };
-  static Kept& this_thread() {
+  // True once the thread's blocks are gone: an object may outlive them.
+  static bool& ended() {
+    thread_local bool value = false;
+    return value;
+  }
+  static Kept* this_thread() {
+    if (ended()) return nullptr;
     thread_local Kept kept;
-    return kept;
+    return &kept;
   }
 };
 

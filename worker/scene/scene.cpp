@@ -147,8 +147,7 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
   };
   finish_vertices(impl.geometry);
   if (options.traced) CANDELA_TRY(build_accel());
-  // Who only asks what the scene has needs no triangles for rays, unless something of the scene looks at
-  // them.
+  // A scene that is only described needs no triangles for rays, unless something of it looks at them.
   const bool asked_only = !options.traced && !edited && !is_meter && impl.media.size() == 0;
   CANDELA_TRY(builder.finish_geometry(!asked_only));
   if (is_distant) {

@@ -89,7 +89,7 @@ class SceneBuilder {
   Result<void> finish_edits(const EditRequest& request);
   // with_triangles: rays will be traced; without, the records of triangles are made if a lamp needs them.
   Result<void> finish_geometry(bool with_triangles);
-  // Unless they are there already.
+  // Makes the records of triangles, unless they are there already.
   void make_triangles();
   Result<void> emitter(const description::Object& object);
   void finish_features();

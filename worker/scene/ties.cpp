@@ -135,8 +135,8 @@ std::vector<Flat> flats_of(const Geometry& geometry, const std::vector<bool>* lo
   return flats;
 }
 
-// By normal, distance, shape and primitive. The normals' first coordinates, of which there are few, divide
-// the flats in place before the parts are sorted: with millions of flats that takes half the time.
+// Sorts by normal, distance, shape and primitive. The normals' first coordinates, of which there are few,
+// divide the flats in place before the parts are sorted: with millions of flats that takes half the time.
 void sort(std::vector<Flat>& flats) {
   constexpr std::size_t kCells = 2049;
   const auto cell = [](const Flat& flat) { return static_cast<std::size_t>(flat.normal >> 32); };

@@ -51,6 +51,8 @@ class BundleSource final : public description::FileSource {
   std::optional<Error> cache_error() const;
 
  private:
+  Result<Bytes> open(const std::string& key, bool again) const;  // again: it will be opened once more
+
   // Reading the description begins a mesh or looks for an OBJ file's materials, and the scene is built from
   // the file later. The bytes stay between the two, up to so many, so that a mesh is not copied and hashed
   // twice. A file that is only asked for is read once, when the scene is built, and need not stay.
@@ -60,8 +62,6 @@ class BundleSource final : public description::FileSource {
   BlobCache& cache_;
   const BlobCache::Fetch& fetch_;
   std::vector<BlobCache::Pin> pins_;
-  Result<Bytes> open(const std::string& key, bool again) const;  // again: it will be opened once more
-
   mutable Mutex mutex_;
   mutable std::set<std::string, std::less<>> only_found_ CANDELA_GUARDED_BY(mutex_);
   mutable std::optional<Error> cache_error_ CANDELA_GUARDED_BY(mutex_);

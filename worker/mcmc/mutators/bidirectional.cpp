@@ -37,6 +37,11 @@ bool can_end_kept(const PathVertex& v) {
   return !v.delta && !v.mollified;
 }
 
+// True if both walks go on from what is kept: any number of vertices may come between them.
+bool goes_on(const Subpaths::Kept& kept) {
+  return kept.light > 1 && kept.eye > 1;
+}
+
 }  // namespace
 
 // The bounds of numbers of vertices that may take the place of `deleted` ones.
@@ -61,8 +66,7 @@ template <class Visit>
 void BidirectionalMutator::for_each_addition(const Subpaths::Kept& kept, std::size_t deleted,
                                              const Visit& visit) const {
   const Bounds all = bounds(kept, deleted);
-  // Between two walks that go on there may be any number, if some are taken away.
-  const bool any = kept.light > 1 && kept.eye > 1 && deleted > 0;
+  const bool any = goes_on(kept) && deleted > 0;
   for (std::size_t a = all.begin; a < all.end; ++a)
     if (any || can_add(kept, deleted, a))
       visit(a, kWeightsOfAddition[a > deleted ? a - deleted : deleted - a]);
@@ -80,7 +84,7 @@ template <class Visit>
 bool BidirectionalMutator::any_range(const transport::path::Path& path, const Visit& visit) const {
   const std::vector<PathVertex>& v = path.vertices;
   const std::size_t count = v.size();
-  // As many vertices may come as are taken away, for sure between two walks that go on.
+  // True if as many vertices may come as are taken away, for sure where both walks go on.
   const bool fits = count > std::size_t{context_.min_edges} && count <= std::size_t{context_.max_edges} + 1;
   for (std::size_t light = 0; light < count; ++light) {
     if (light > 0 && !can_end_kept(v[light - 1])) continue;
@@ -88,8 +92,7 @@ bool BidirectionalMutator::any_range(const transport::path::Path& path, const Vi
     for (std::size_t m = std::max<std::size_t>(light, 1); m <= std::min(count, light + kMaxDeleted); ++m) {
       if (m < count && !can_end_kept(v[m])) continue;
       const Subpaths::Kept kept{light, count - m};
-      const bool usual =
-          fits && m > light && ((light > 1 && kept.eye > 1) || can_add(kept, m - light, m - light));
+      const bool usual = fits && m > light && (goes_on(kept) || can_add(kept, m - light, m - light));
       if ((usual || any_addition(kept, m - light)) && visit(kept, m - light)) return true;
     }
   }

@@ -57,14 +57,10 @@ std::optional<std::size_t> moved_stretch(const std::vector<Stretch>& from, const
   return found;
 }
 
-}  // namespace
-
-namespace {
-
-// Owner of breaks, which follow from the path alone.
+// The owner of Breaks, which follow from the path alone.
 constexpr char kBreaks = 0;
 
-// By inner vertex, from the light on: true if the path is broken there.
+// The inner vertices, from the light on: 1 where the path is broken.
 struct Breaks final : Memo {
   InlineVector<std::uint8_t, 12> at;
 };

@@ -30,8 +30,8 @@ constexpr double kNever = -std::numeric_limits<double>::infinity();
 template <class Number>
 class RangeProducts {
  public:
-  // Of `count` densities; density(i) is the i-th one. The first ones, `shared`, are those of `other`. False:
-  // quotients of the products may lose digits.
+  // Takes `count` densities, of which density(i) is the i-th one and the first `shared` ones are copied from
+  // `other`. False: quotients of the products may lose digits.
   template <class Density>
   bool set(std::size_t count, std::size_t shared, const RangeProducts* other, const Density& density) {
     up_to_.resize(count + 1);
@@ -56,8 +56,8 @@ class RangeProducts {
     return up_to[end].product / up_to[begin].product;
   }
 
-  // True if products and quotients of three such numbers are as exact as any.
-  static bool keeps_digits(double number) { return number > 0x1p-300 && number < 0x1p300; }
+  // True if products and quotients of five such numbers, as a density has, are as exact as any.
+  static bool keeps_digits(double number) { return number > 0x1p-180 && number < 0x1p180; }
 
  private:
   struct UpTo {

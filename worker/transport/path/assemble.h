@@ -36,7 +36,8 @@ SharedVertices shared_vertices(const Assembled& of, const Path& from, const Path
 // in the scene.
 std::optional<Assembled> assemble(const scene::Scene& scene, const Path& path, float film_border = 0,
                                   const SharedVertices& shared = {}, const FoundSurfaces* found = nullptr);
-// Where states come and go: the same into `out`, which is new. False: nothing.
+// Assembles into `out`, a new object, so that callers of many paths move none. False: assemble() gives
+// nothing.
 bool assemble_into(Assembled& out, const scene::Scene& scene, const Path& path, float film_border,
                    const SharedVertices& shared, const FoundSurfaces* found);
 

@@ -64,7 +64,7 @@ class Evaluation {
   // The measurement contribution f(x), per channel: emitted radiance, geometric terms, transmittance, bsdfs
   // as radiance has them (towards the light x_{i-1}, with the shading normal's cosine there), importance.
   std::array<Scaled, 3> contribution() const;
-  // The same in doubles, to the bit.
+  // contribution() in doubles, to the bit.
   std::array<double, 3> contribution_values() const;
   // Contribution of a technique that makes this path: f over the density with which it truly does, that of
   // flights and straight passes included; without roulette, and without a merge's kernel.
@@ -73,7 +73,7 @@ class Evaluation {
   // to x_v: flights have the density of a walk that carries white, surfaces passed straight have theirs,
   // delta functions are left out as contribution() leaves them out. x_v is not the walk's first vertex.
   Scaled step_density(bool from_light, std::size_t v) const;
-  // The same in a double; 0: a double cannot hold it.
+  // step_density() in a double; 0: a double cannot hold it.
   double held_step_density(bool from_light, std::size_t v) const;
   // The probability with which such a walk stays at x_v, on a surface, and does not pass it straight.
   double prob_stay(bool from_light, std::size_t v) const;
@@ -138,10 +138,11 @@ class Evaluation {
   bool copy_edge(const SharedEnds& shared, std::size_t i);
   bool copy_inner(const SharedEnds& shared, std::size_t i);
   std::array<double, 3> transmittance(const Edge& edge) const;
-  // Of edge i: transmittance, the cosine where light leaves x_i, and the squared length.
+  // Transmittance of edge i times the cosine at x_i, over the squared length.
   std::array<double, 3> passed_along(std::size_t i) const;
-  // Density of a walk's direction to x_v, and true if nothing but that edge's geometry comes to it.
+  // Density of a walk's direction to x_v.
   double leaving_density(bool from_light, std::size_t v) const;
+  // True if a step to x_v has that density times the edge's geometry, and no medium or straight pass.
   bool steps_plainly(bool from_light, std::size_t v) const {
     return edges_[from_light ? v - 1 : v].is_plain() && !numbers_.in_medium[v];
   }
