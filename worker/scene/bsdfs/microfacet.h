@@ -11,6 +11,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "worker/core/math.h"
@@ -60,34 +61,7 @@ struct Microfacets {
   float G1(Vec3 w) const { return w.z * masking_over_cosine(w); }
 
   // A normal visible from w, with density D(h) G1(w) dot(w, h) / w.z.
-  Vec3 sample_visible(Vec3 w, Vec2 u) const {
-    const Vec3 stretched = Vec3{alpha_u * w.x, alpha_v * w.y, w.z};
-    const float len2 = length_squared(stretched);
-    if (!(len2 > 1e-36f)) return {0, 0, 1};
-    const Vec3 v = stretched * (1 / std::sqrt(len2));
-    Vec3 n;
-    float s = 0;
-    float c = 0;
-    if (ggx) {
-      // h.z = (1 - u) (1 + v.z) without the cancellation of z + v.z.
-      const float hz = (1 - u.y) * (1 + v.z);
-      const float z = hz - v.z;
-      const float r = std::sqrt(std::max(0.0f, (1 - z) * (1 + z)));
-      math::sincosf(2 * math::kPi * u.x, s, c);
-      n = {r * c + v.x, r * s + v.y, hz};
-    } else {
-      const double sin_theta = std::sqrt(static_cast<double>(v.x) * v.x + static_cast<double>(v.y) * v.y);
-      const auto along = static_cast<float>(sample_beckmann_visible_slope(v.z, sin_theta, u.x));
-      const float across = math::erfinvf(std::max(-1 + 0x1p-23f, 2 * u.y - 1));
-      const float cos_phi = sin_theta > 0 ? static_cast<float>(v.x / sin_theta) : 1.0f;
-      const float sin_phi = sin_theta > 0 ? static_cast<float>(v.y / sin_theta) : 0.0f;
-      n = {-(cos_phi * along - sin_phi * across), -(sin_phi * along + cos_phi * across), 1};
-    }
-    const Vec3 h = {alpha_u * n.x, alpha_v * n.y, std::max(n.z, 0.0f)};
-    const float h_len2 = length_squared(h);
-    if (!(h_len2 > 1e-36f)) return {0, 0, 1};
-    return h * (1 / std::sqrt(h_len2));
-  }
+  Vec3 sample_visible(Vec3 w, Vec2 u) const;
 
   // A normal with density D(h) h.z.
   Vec3 sample_all(Vec2 u) const {
@@ -99,5 +73,65 @@ struct Microfacets {
     return normalize(Vec3{alpha_u * r * c, alpha_v * r * s, 1});
   }
 };
+
+// The normals visible from one direction. Most of the work of Beckmann's is an inversion that depends on u.x
+// alone: a sum over many u.y computes it once.
+class VisibleNormals {
+ public:
+  // The part that all u.y share. GGX: sine and cosine of the azimuth. Beckmann: the slope along the view, 0.
+  using Share = std::array<float, 2>;
+
+  VisibleNormals(const Microfacets& m, Vec3 w)
+      : m_(m), v_(Vec3{m.alpha_u * w.x, m.alpha_v * w.y, w.z}), length2_(length_squared(v_)) {
+    if (!meets()) return;
+    v_ = v_ * (1 / std::sqrt(length2_));
+    if (!m.ggx) sin_theta_ = std::sqrt(static_cast<double>(v_.x) * v_.x + static_cast<double>(v_.y) * v_.y);
+  }
+
+  Share share(float u_x) const {
+    Share out{};
+    if (!meets()) return out;
+    if (m_.ggx)
+      math::sincosf(2 * math::kPi * u_x, out[0], out[1]);
+    else
+      out[0] = static_cast<float>(sample_beckmann_visible_slope(v_.z, sin_theta_, u_x));
+    return out;
+  }
+
+  Vec3 normal(const Share& share, float u_y) const {
+    if (!meets()) return {0, 0, 1};
+    Vec3 n;
+    if (m_.ggx) {
+      // h.z = (1 - u) (1 + v.z) without the cancellation of z + v.z.
+      const float hz = (1 - u_y) * (1 + v_.z);
+      const float z = hz - v_.z;
+      const float r = std::sqrt(std::max(0.0f, (1 - z) * (1 + z)));
+      n = {r * share[1] + v_.x, r * share[0] + v_.y, hz};
+    } else {
+      const float along = share[0];
+      const float across = math::erfinvf(std::max(-1 + 0x1p-23f, 2 * u_y - 1));
+      const float cos_phi = sin_theta_ > 0 ? static_cast<float>(v_.x / sin_theta_) : 1.0f;
+      const float sin_phi = sin_theta_ > 0 ? static_cast<float>(v_.y / sin_theta_) : 0.0f;
+      n = {-(cos_phi * along - sin_phi * across), -(sin_phi * along + cos_phi * across), 1};
+    }
+    const Vec3 h = {m_.alpha_u * n.x, m_.alpha_v * n.y, std::max(n.z, 0.0f)};
+    const float h_len2 = length_squared(h);
+    if (!(h_len2 > 1e-36f)) return {0, 0, 1};
+    return h * (1 / std::sqrt(h_len2));
+  }
+
+ private:
+  bool meets() const { return length2_ > 1e-36f; }
+
+  const Microfacets& m_;
+  Vec3 v_;  // the direction, seen by a surface of unit roughness
+  float length2_;
+  double sin_theta_ = 0;
+};
+
+inline Vec3 Microfacets::sample_visible(Vec3 w, Vec2 u) const {
+  const VisibleNormals normals(*this, w);
+  return normals.normal(normals.share(u.x), u.y);
+}
 
 }  // namespace candela::scene

@@ -25,9 +25,11 @@ double integrate(int panels, const Function& f) {
 // of F G1.
 double reflectance(const Microfacets& m, double mu, float eta, int panels) {
   const Vec3 wo{static_cast<float>(std::sqrt((1 - mu) * (1 + mu))), 0, static_cast<float>(mu)};
+  const VisibleNormals normals(m, wo);
   return integrate(panels, [&](double u) {
+    const VisibleNormals::Share share = normals.share(static_cast<float>(u));
     return integrate(panels, [&](double v) {
-      const Vec3 h = m.sample_visible(wo, {static_cast<float>(u), static_cast<float>(v)});
+      const Vec3 h = normals.normal(share, static_cast<float>(v));
       const float cos_d = std::min(1.0f, dot(wo, h));
       if (!(cos_d > 0)) return 0.0;
       const Vec3 wi = h * (2 * cos_d) - wo;
