@@ -98,26 +98,27 @@ def make_machine():
     """Folders that commands write to are this test's own; names of the pages are this machine."""
     scratch = Path(tempfile.mkdtemp(prefix="candela-commands-"))
     scratch.chmod(0o755)  # services have a user of their own
-    for folder in ("/etc", "/var", "/run"):
-        held = scratch / folder.strip("/")
-        held.mkdir()
-        if folder == "/etc":
-            subprocess.run(["cp", "-a", "/etc/.", held], check=True)
-        elif folder == "/var":
-            (held / "lib").mkdir()
-            subprocess.run(["cp", "-a", "/var/lib/dpkg", held / "lib/dpkg"], check=True)
-        subprocess.run(["mount", "--bind", held, folder], check=True)
-    for folder in ("/etc/candela", "/etc/systemd/system", "/var/lib", "/var/cache", "/var/log", "/var/tmp", "/var/backups/candela", "/run/systemd/system"):
-        Path(folder).mkdir(parents=True, exist_ok=True)
-    # The package's own folders: over the machine's, and gone with the namespace.
+    # What is changed lies over the machine's folders, and is gone with the namespace.
     over = scratch / "over"
     over.mkdir()
     subprocess.run(["mount", "-t", "tmpfs", "none", over], check=True)
-    for folder, own in (("/usr", "usr"),):
-        upper, work = over / own, over / f"{own}-work"
+
+    def lay_over(lower, place):
+        upper, work = (over / f"{lower.strip('/').replace('/', '-')}-{part}" for part in ("upper", "work"))
         upper.mkdir()
         work.mkdir()
-        subprocess.run(["mount", "-t", "overlay", "-o", f"lowerdir={folder},upperdir={upper},workdir={work}", "none", folder], check=True)
+        subprocess.run(["mount", "-t", "overlay", "-o", f"lowerdir={lower},upperdir={upper},workdir={work}", "none", place], check=True)
+
+    packages = scratch / "var/lib/dpkg"
+    packages.mkdir(parents=True)
+    (scratch / "run").mkdir()
+    lay_over("/var/lib/dpkg", packages)
+    for folder in ("/etc", "/usr"):
+        lay_over(folder, folder)
+    for folder in ("/var", "/run"):
+        subprocess.run(["mount", "--rbind", scratch / folder.strip("/"), folder], check=True)
+    for folder in ("/etc/candela", "/etc/systemd/system", "/var/lib", "/var/cache", "/var/log", "/var/tmp", "/var/backups/candela", "/run/systemd/system"):
+        Path(folder).mkdir(parents=True, exist_ok=True)
     local = scratch / "usr-local-bin"
     local.mkdir()
     subprocess.run(["mount", "--bind", local, "/usr/local/bin"], check=True)
@@ -145,7 +146,10 @@ class OnAMachine(unittest.TestCase):
 
     @classmethod
     def tearDownClass(cls):
-        shutil.rmtree(cls.scratch, ignore_errors=True)  # what is mounted ends with the namespace
+        # A folder on which something is mounted cannot be removed.
+        for places in (["--recursive", "/var"], [cls.scratch / "var/lib/dpkg"], [cls.scratch / "over"]):
+            subprocess.run(["umount", "--lazy", *places], check=True)
+        shutil.rmtree(cls.scratch)
 
     def setUp(self):
         self.stop()

@@ -41,8 +41,8 @@ case "${1:-}" in
     [[ " $* " == *" --size "* ]] || more+=(--size 48x36)
     [[ " $* " =~ " --"(spp|time|until|iterations|indices|resume)" " ]] || more+=(--spp 8) ;;
   inspect)
-    [[ "$2" != volume || " $* " == *" --pixels "* ]] || more+=(--size 48x36)
-    [[ "$2" == falsecolor || " $* " == *" --spp "* ]] || more+=(--spp 16) ;;
+    [[ "$2" != volume && " $* " != *" --region "* || " $* " == *" --pixels "* ]] || more+=(--size 48x36)
+    [[ "$2" == falsecolor || " $* " == *" --spp "* ]] || more+=(--spp 4) ;;
 esac
 exec "$CANDELA_REAL" "$@" "${more[@]}"
 """
