@@ -22,6 +22,9 @@ if absent:
     print("[  SKIPPED ] slurm (0 ms)")
     sys.exit(77)
 
+# Samples per pixel of a job during which workers come and go, some seconds on three of them, and of one that only ends.
+LONG, SHORT = 160, 48
+
 
 class Slurm(unittest.TestCase):
     """One cluster and one farm for all; every test has jobs of its own."""
@@ -82,9 +85,9 @@ class Slurm(unittest.TestCase):
                               str(self.folder / "cache"), "--logs", str(self.folder), *more)
         return re.search(r"Submitted batch job (\d+)", said).group(1)
 
-    def submit(self, seed, *more):
-        """A job of some seconds on three workers; its id."""
-        return self.candela("submit", SCENE, "--size", "128x128", "--spp", "160", "--seed", str(seed), *more).strip()
+    def submit(self, seed, *more, spp=LONG):
+        """A job; its id."""
+        return self.candela("submit", SCENE, "--size", "128x128", "--spp", str(spp), "--seed", str(seed), *more).strip()
 
     def status(self, job):
         return json.loads(self.candela("show", job, "--json"))
@@ -104,23 +107,22 @@ class Slurm(unittest.TestCase):
     def log(self, slurm_job):
         return "".join(path.read_text(errors="replace") for path in sorted(self.folder.glob(f"*-{slurm_job}-*.log")))
 
-    def expect_picture(self, job, seed, *more):
+    def expect_picture(self, job, seed, spp=LONG):
         """The job ends, and its pixels are those of `candela render`."""
         self.assertTrue(eventually(lambda: self.finished(job)), self.status(job))
         farm, alone = self.folder / f"{job}.exr", self.folder / f"{job}-alone.exr"
         self.candela("fetch", job, "-o", farm)
-        self.candela("render", SCENE, "-o", alone, "--size", "128x128", "--spp", "160", "--seed", str(seed), "--quiet",
-                     *more)
+        self.candela("render", SCENE, "-o", alone, "--size", "128x128", "--spp", str(spp), "--seed", str(seed), "--quiet")
         difference = json.loads(self.candela("compare", farm, alone, "--json"))
         self.assertEqual(difference["rmse"], 0, difference)
 
     def test_array_renders(self):
         """Claim: an array renders two jobs of different priority, the higher one first."""
-        low = self.submit(1, "--priority", "0")
-        high = self.submit(2, "--priority", "5")
+        low = self.submit(1, "--priority", "0", spp=SHORT)
+        high = self.submit(2, "--priority", "5", spp=SHORT)
         workers = self.submit_workers(3)
-        self.expect_picture(high, 2)
-        self.expect_picture(low, 1)
+        self.expect_picture(high, 2, SHORT)
+        self.expect_picture(low, 1, SHORT)
         ends = [self.status(job)["finished_unix_ms"] for job in (high, low)]
         self.assertLess(*ends, "the lower priority was done first")
         self.assertEqual(len(self.live_workers(workers)), 3)
@@ -212,12 +214,12 @@ class Slurm(unittest.TestCase):
 
     def test_script_in_the_repository(self):
         """Claim: deploy/slurm/candela-workers.sbatch works with what farm.md says of it."""
-        job = self.submit(7)
+        job = self.submit(7, spp=SHORT)
         script = Path(os.environ["CANDELA_SOURCE_DIR"]) / "deploy/slurm/candela-workers.sbatch"
         self.slurm.run("sbatch", "--array=1-2", "--cpus-per-task=2", f"--output={self.folder}/own-%a.log", str(script),
                        environment={"CANDELA_MASTER": self.address, "CANDELA_CACHE": str(self.folder / "cache"),
                                     "PATH": f"{PROGRAMS}:{os.environ['PATH']}"})
-        self.expect_picture(job, 7)
+        self.expect_picture(job, 7, SHORT)
 
 
 if __name__ == "__main__":
