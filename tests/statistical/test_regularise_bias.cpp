@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/proofs/proofs.h"
 #include "tests/regularised_scenes.h"
 #include "tests/statistical/chain_driver.h"
 #include "tests/statistical/moments.h"
@@ -17,6 +18,9 @@
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"RegularisedBias"});
 
 constexpr std::uint32_t kSide = 24;
 constexpr double kFov = 60;

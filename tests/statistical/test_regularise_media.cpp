@@ -11,6 +11,7 @@
 #include <numbers>
 #include <string>
 
+#include "tests/proofs/proofs.h"
 #include "tests/regularised_scenes.h"
 #include "tests/statistical/harness.h"
 #include "tests/statistical/moments.h"
@@ -24,6 +25,9 @@ using test::kMirror;
 using test::mirrored;
 using test::point;
 using test::square;
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"RegularisedMedia"});
 
 // A pinhole sees in mirror A (at the origin) the x axis, of which a cube of fog holds a part, and mirror B
 // sends the light of a spot there: letters SDSDSDS, with a place in the fog for the D in the middle. Each

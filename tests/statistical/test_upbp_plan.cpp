@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/harness.h"
 #include "tests/statistical/moments.h"
 #include "worker/scene/emitters/emitter.h"
@@ -17,6 +18,9 @@
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"Upbp.SharedHitsCountForLess"});
 
 // Claim: without a medium upbp is vcm, bit for bit.
 TEST(Upbp, IsVcmWithoutMedia) {

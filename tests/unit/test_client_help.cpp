@@ -169,16 +169,23 @@ TEST_F(Completion, Bash) {
   std::ofstream(folder_.path() / "a scene.xml") << "";
   EXPECT_EQ(complete({"candela", "render", "a s"}), "a scene.xml\nexit 0\n");
   EXPECT_EQ(complete({"candela", "render", "x.xml", "-o", "a s"}), "a scene.xml\nexit 0\n");
-  // Every option of every command.
+  // Every option of every command, in one shell, as at a terminal: each has the words that come before its
+  // own.
+  std::string lines, expected;
   for (const CommandEntry& command : commands_of_program())
     for (const OptionEntry& option : command.options)
       if (!option.positional()) {
-        const std::string name = option.names.back();
-        EXPECT_NE(("\n" + complete(split("candela " + command.name) + std::vector<std::string>{name}))
-                      .find("\n" + name + "\n"),
-                  std::string::npos)
-            << command.name << " " << name;
+        const std::string line = "candela " + command.name + " " + option.names.back();
+        lines += line + "\n";
+        expected += line + " offered\n";
       }
+  std::ofstream(folder_.path() / "lines") << lines;
+  EXPECT_EQ(shell("cd '" + folder_.path().string() + "' && bash -c '. \"" + script_.string() +
+                  "\"; while read -r -a COMP_WORDS; do COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); COMPREPLY=(); "
+                  "_candela; for offered in \"${COMPREPLY[@]}\"; do "
+                  "[ \"$offered\" = \"${COMP_WORDS[-1]}\" ] && echo \"${COMP_WORDS[@]} offered\"; done; "
+                  "done < lines'"),
+            expected + "exit 0\n");
 }
 
 // Claim: ids come from the farm's lists; a job whose id is no plain word is not offered, and nothing of it is

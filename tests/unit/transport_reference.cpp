@@ -10,13 +10,13 @@ std::vector<Technique> list_techniques(const PathNumbers& n, const Counts& count
   using Kind = Technique::Kind;
   const std::size_t k = n.edges;
   std::vector<Technique> list;
-  // P_0 ... P_{s-1} Q_first ... Q_k.
-  const auto product = [&](std::size_t s, std::size_t first) {
-    Scaled density = 1;
-    for (std::size_t i = 0; i < s; ++i) density *= n.light_density(i);
-    for (std::size_t i = first; i <= k; ++i) density *= n.eye_density(i);
-    return density;
-  };
+  // light[s]: P_0 ... P_{s-1}; eye[s]: Q_s ... Q_k. The ends count only where they can be hit.
+  std::vector<Scaled> light(k + 2, 1), eye(k + 2, 1);
+  for (std::size_t i = 0; i < k || (i == k && n.lens_can_be_hit); ++i)
+    light[i + 1] = light[i] * n.light_density(i);
+  for (std::size_t i = k; i > 0; --i) eye[i] = n.eye_density(i) * eye[i + 1];
+  if (n.light_can_be_hit || k == 1) eye[0] = n.eye_density(0) * eye[1];
+  const auto product = [&](std::size_t s, std::size_t first) { return light[s] * eye[first]; };
   const auto add = [&](Kind kind, std::size_t s, double count, const Scaled& density) {
     if (count > 0) list.push_back({kind, s, density * count});
   };
@@ -50,11 +50,12 @@ std::vector<Technique> list_techniques(const PathNumbers& n, const Counts& count
     const auto reach = [&](const std::vector<bool>& are_long, std::size_t edge) {
       return Counts::in(are_long, m) ? std::max(n.survival[edge], MediumMerges::kMinSurvival) : 1;
     };
-    const double light = n.factor_to_light[s] * reach(counts.long_photon_beams, s - 1),
-                 eye = n.factor_to_eye[s] * reach(counts.long_query_beams, s);
-    add(Kind::merge_point_beam, s, r * r * counts.point_beam, product(s + 1, s) / eye);
-    add(Kind::merge_beam_point, s, r * r * counts.beam_point, product(s + 1, s) / light);
-    add(Kind::merge_beam_beam, s, r * counts.beam_beam, product(s + 1, s) * n.beam_sine[s] / light / eye);
+    const double of_light = n.factor_to_light[s] * reach(counts.long_photon_beams, s - 1),
+                 of_eye = n.factor_to_eye[s] * reach(counts.long_query_beams, s);
+    add(Kind::merge_point_beam, s, r * r * counts.point_beam, product(s + 1, s) / of_eye);
+    add(Kind::merge_beam_point, s, r * r * counts.beam_point, product(s + 1, s) / of_light);
+    add(Kind::merge_beam_beam, s, r * counts.beam_beam,
+        product(s + 1, s) * n.beam_sine[s] / of_light / of_eye);
   }
   return list;
 }
