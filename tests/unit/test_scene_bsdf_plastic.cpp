@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 #include <string>
-#include <tuple>
 
 #include "scene_fixture.h"
 #include "worker/scene/bsdf.h"
@@ -131,19 +130,6 @@ TEST(RoughTransmittance, IsTheTheorys) {
             << ggx << " " << alpha << " " << eta;
       }
     }
-  }
-}
-
-// Claim: a scene that is read again has the tables that it had, each by its own numbers.
-TEST(RoughTransmittance, IsKeptByItsNumbers) {
-  RoughTransmittances one, other;
-  const auto table = one.get(false, 0.31f, 1.49f);
-  EXPECT_EQ(other.get(false, 0.31f, 1.49f), table);
-  for (const auto& [ggx, alpha, eta] :
-       {std::tuple{true, 0.31f, 1.49f}, {false, 0.32f, 1.49f}, {false, 0.31f, 1.5f}}) {
-    const auto near = other.get(ggx, alpha, eta);
-    EXPECT_NE(near, table);
-    EXPECT_EQ(near->internal_reflectance(), RoughTransmittance(ggx, alpha, eta).internal_reflectance());
   }
 }
 

@@ -1,7 +1,5 @@
 #include "worker/scene/bsdfs/rough_transmittance.h"
 
-#include <mutex>
-
 #include "worker/scene/bsdfs/fresnel.h"
 #include "worker/scene/bsdfs/microfacet.h"
 
@@ -73,21 +71,8 @@ RoughTransmittance::RoughTransmittance(bool ggx, float alpha, float eta) {
 }
 
 std::shared_ptr<const RoughTransmittance> RoughTransmittances::get(bool ggx, float alpha, float eta) {
-  // The last tables of the process: jobs, edits and previews read the same scene again.
-  static std::mutex mutex;
-  static std::map<std::tuple<bool, float, float>, std::shared_ptr<const RoughTransmittance>> kept;
-  constexpr std::size_t kMost = 256;
-
   auto& table = tables_[{ggx, alpha, eta}];
-  if (table != nullptr) return table;
-  {
-    const std::scoped_lock lock(mutex);
-    if (const auto found = kept.find({ggx, alpha, eta}); found != kept.end()) return table = found->second;
-  }
-  table = std::make_shared<const RoughTransmittance>(ggx, alpha, eta);
-  const std::scoped_lock lock(mutex);
-  if (kept.size() == kMost) kept.clear();
-  kept.emplace(std::tuple{ggx, alpha, eta}, table);
+  if (table == nullptr) table = std::make_shared<const RoughTransmittance>(ggx, alpha, eta);
   return table;
 }
 
