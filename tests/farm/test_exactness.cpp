@@ -165,11 +165,11 @@ TEST(Jobs, ThreeAtOnce) {
   for (const char* name : {"a", "b"}) farm.start_worker(name);
   const std::vector<std::string> scenes = {"cornell", "lamp-over-plane", "furnace"};
   std::vector<std::string> ids;
-  for (const std::string& scene : scenes) ids.push_back(farm.submit(201, scene));
+  for (const std::string& scene : scenes) ids.push_back(farm.submit(101, scene));
   for (std::size_t i = 0; i < scenes.size(); ++i) {
     farm.wait_for(ids[i], v1::JOB_STATE_DONE);
-    expect_identical(farm.fetch(ids[i]), farm.render(201, scenes[i]), scenes[i]);
-    farm.audit(ids[i], 201);
+    expect_identical(farm.fetch(ids[i]), farm.render(101, scenes[i]), scenes[i]);
+    farm.audit(ids[i], 101);
   }
 }
 
