@@ -35,9 +35,9 @@ TEST_F(ChainFarm, UnevenWorkers) {
   toy_.plan.chains = 200;
   add_worker(microseconds(400));
   for (int i = 0; i < 3; ++i) add_worker(microseconds(100000));
-  const std::string id = submit(12);
+  const std::string id = submit(20);
   EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
-  check(id, 12);
+  check(id, 20);
   std::map<std::string, std::uint64_t> segments;
   const v1::GetLedgerResponse account = ledger(id);
   for (const auto& row : account.merged()) segments[row.worker_id()] += row.unit().end() - row.unit().begin();
@@ -47,7 +47,7 @@ TEST_F(ChainFarm, UnevenWorkers) {
     all += count;
   }
   EXPECT_EQ(segments.size(), 4U) << "some worker did nothing";
-  EXPECT_EQ(all, 12 * toy_.plan.chains);
+  EXPECT_EQ(all, 20 * toy_.plan.chains);
   EXPECT_GE(10 * most, 9 * all) << "the work was even after all";
 }
 
