@@ -490,6 +490,16 @@ void Farm::audit(const std::string& id, std::uint64_t iterations, bool complete)
   EXPECT_EQ(status.samples(), ledger.film_eye_samples());
 }
 
+std::uint64_t newest_checkpoint(const fs::path& folder) {
+  std::uint64_t newest = 0;
+  std::error_code code;
+  for (auto it = fs::recursive_directory_iterator(folder, code);
+       !code && it != fs::recursive_directory_iterator(); it.increment(code))
+    if (const fs::path& path = it->path(); path.extension() == ".ckpt")
+      newest = std::max<std::uint64_t>(newest, std::stoull(path.filename().string().substr(5)));
+  return newest;
+}
+
 void expect_identical(const image::Image& a, const image::Image& b, const std::string& what) {
   ASSERT_EQ(a.width, b.width) << what;
   ASSERT_EQ(a.height, b.height) << what;

@@ -5,6 +5,7 @@
 #include <candela/v1/client.grpc.pb.h>
 #include <grpcpp/security/credentials.h>
 
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <set>
@@ -39,6 +40,8 @@ std::string scene_path(const std::string& name);
 // Options of the jobs of these tests: small, of a fixed seed.
 inline constexpr std::uint32_t kWidth = 48, kHeight = 32;
 std::vector<std::string> job_options(std::uint64_t iterations, std::uint64_t seed = 7);
+// Iterations of most jobs of `path`: one reference serves all of them. Odd: the halves differ in length.
+inline constexpr std::uint64_t kJobIterations = 301;
 
 // CANDELA_LONG=1: the long forms of all tests, of which continuous integration runs the short ones.
 bool long_form();
@@ -144,6 +147,9 @@ class Farm {
   std::unique_ptr<v1::FarmService::Stub> stub_;
   int serial_ = 0;
 };
+
+// The generation of the newest checkpoint below a folder; 0: there is none.
+std::uint64_t newest_checkpoint(const std::filesystem::path& folder);
 
 // Expects that two images are equal to the last bit.
 void expect_identical(const image::Image& a, const image::Image& b, const std::string& what);

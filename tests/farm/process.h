@@ -5,6 +5,7 @@
 #include <sys/types.h>
 
 #include <chrono>
+#include <csignal>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -73,6 +74,19 @@ class Process {
   pid_t pid_ = -1;
   std::optional<int> exit_;
   std::filesystem::path out_, err_;
+};
+
+// A child that sleeps as long as this object lives. What is done to its job meanwhile finds it amid its work,
+// however short the job and however busy the machine.
+class Asleep {
+ public:
+  explicit Asleep(Process& process) : process_(process) { process_.signal(SIGSTOP); }
+  ~Asleep() { process_.signal(SIGCONT); }
+  Asleep(const Asleep&) = delete;
+  Asleep& operator=(const Asleep&) = delete;
+
+ private:
+  Process& process_;
 };
 
 }  // namespace candela::farm

@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 constexpr double kStuckSeconds = 240;
 
 // Jobs of the short form are smaller by this, and the liar lies more often.
-constexpr std::uint64_t kShorter = 5;
+constexpr std::uint64_t kShorter = 10;
 
 std::vector<Kind> kinds_of_rows(std::uint64_t shorter) {
   std::vector<Kind> all;

@@ -211,7 +211,7 @@ class AccumulatorFarm : public testing::Test {
 // Claim: film, accumulators, states, and the error by what photons measure do not depend on the number of
 // workers.
 TEST_F(AccumulatorFarm, SameBytesOfOneTwoAndEightWorkers) {
-  constexpr std::uint64_t kIterations = 75;
+  const std::uint64_t iterations = long_form() ? 75 : 51;
   start_master("0.2");
   std::set<std::string> merged_by;
   int workers = 0;
@@ -219,9 +219,9 @@ TEST_F(AccumulatorFarm, SameBytesOfOneTwoAndEightWorkers) {
     for (; workers < fleet; ++workers) farm.start_worker(fmt::format("w{}", workers));
     ASSERT_TRUE(eventually(kPatienceSeconds, [&] { return farm.workers().size() == std::size_t(fleet); }));
     merged_by.clear();
-    const std::vector<Job> jobs = submit_all(kIterations);
+    const std::vector<Job> jobs = submit_all(iterations);
     for (const Job& job : jobs) {
-      check(job, kIterations);
+      check(job, iterations);
       const v1::GetLedgerResponse ledger = farm.ledger(job.id);
       for (const v1::LedgerRow& row : ledger.merged()) merged_by.insert(row.worker_id());
     }
@@ -259,16 +259,16 @@ TEST_F(AccumulatorFarm, TrainingThatEndsHasEmptyStates) {
 // Claim: SIGKILL of the master and of workers, at times all over the jobs, with the newest checkpoints lost,
 // and an extension of what has ended change no byte, nor the error that is shown.
 TEST_F(AccumulatorFarm, DeathsChangeNothing) {
-  constexpr std::uint64_t kFirst = 241, kMore = 38;
+  const std::uint64_t first = long_form() ? 241 : 121, more = 38;
   constexpr int kDeaths = 6;
   start_master("0.05");
   std::vector<Process*> workers;
   for (int i = 0; i < 2; ++i) workers.push_back(&farm.start_worker(fmt::format("w{}", i)));
-  const std::vector<Job> jobs = submit_all(kFirst);
+  const std::vector<Job> jobs = submit_all(first);
   rng::Stream stream(rng::key(7, 5));
   for (int death = 0; death < kDeaths; ++death) {
     const Job& job = jobs[static_cast<std::size_t>(death) % jobs.size()];
-    farm.wait_for_iterations(job.id, kFirst * static_cast<std::uint64_t>(death) / kDeaths + 1);
+    farm.wait_for_iterations(job.id, first * static_cast<std::uint64_t>(death) / kDeaths + 1);
     std::this_thread::sleep_for(std::chrono::milliseconds(static_cast<int>(stream.next_double() * 40)));
     if (death % 2 == 1) {
       auto& worker = workers[static_cast<std::size_t>(death / 2) % workers.size()];
@@ -284,8 +284,8 @@ TEST_F(AccumulatorFarm, DeathsChangeNothing) {
   for (const Job& job : jobs) farm.wait_for(job.id, v1::JOB_STATE_DONE);
   farm.kill_master();
   farm.restart_master();
-  for (const Job& job : jobs) farm.extend(job.id, kMore);
-  for (const Job& job : jobs) check(job, kFirst + kMore);
+  for (const Job& job : jobs) farm.extend(job.id, more);
+  for (const Job& job : jobs) check(job, first + more);
   EXPECT_EQ(farm.candela({"verify"}).exit_code, 0);
 }
 

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t kIterations = 1500;
+constexpr std::uint64_t kIterations = 601;
 
 CommandResult run(Farm& farm, const std::vector<std::string>& arguments) {
   static int serial = 0;

@@ -121,19 +121,19 @@ double share_of(const v1::GetLedgerResponse& ledger, const std::string& worker_i
 }
 
 // Claim: where one worker does nine tenths of the work or more, the image is that of an even split, to the
-// last bit. The other is put to sleep whenever it has done 3 %; on a busy machine it may be noticed too late,
+// last bit. The other is put to sleep whenever it has done 1 %; on a busy machine it may be noticed too late,
 // so that the share is an even one after all: then with another job.
 TEST(Consistency, OneWorkerDoesNearlyAll) {
   constexpr int kMaxJobs = 6;
   Farm farm;
-  farm.start_master({"--unit-time", "0.05"});
+  farm.start_master({"--unit-time", "0.02"});
   Process& lazy = farm.start_worker("lazy");
   farm.start_worker("eager");
   ASSERT_TRUE(eventually(kPatienceSeconds, [&] { return farm.workers().size() == 2; }));
   const std::string lazy_id = farm.worker("lazy").id();
   for (const std::string& integrator : chains_compared()) {
     SCOPED_TRACE(integrator);
-    const std::uint64_t rounds = integrator == "mmlt" ? 100 : 30;
+    const std::uint64_t rounds = integrator == "mmlt" ? 100 : long_form() ? 30 : 12;
     const std::vector<std::string> options = {"--integrator", integrator, "--set", "chains=200"};
     const auto alone = farm.render(rounds, "cornell", options);
     double share = 0;
@@ -142,7 +142,7 @@ TEST(Consistency, OneWorkerDoesNearlyAll) {
       // Units that the sleeper holds are waited for when the other has nothing else to do.
       EXPECT_TRUE(eventually(kPatienceSeconds, [&] {
         const bool sleeps =
-            share_of(farm.ledger(id), lazy_id) > 0.03 && farm.worker("eager").state() == "busy";
+            share_of(farm.ledger(id), lazy_id) > 0.01 && farm.worker("eager").state() == "busy";
         lazy.signal(sleeps ? SIGSTOP : SIGCONT);
         return farm.job(id).state() == v1::JOB_STATE_DONE;
       }));

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <thread>
 
 #include "common/base/hash.h"
 #include "common/base/version.h"
@@ -15,13 +16,11 @@
 namespace candela::farm {
 namespace {
 
-constexpr std::uint64_t kDeltaIterations = 400;
-
 class Deltas : public testing::Test {
  protected:
   void start(const std::vector<std::string>& options = {"--unit-time", "0.05"}) {
     farm_.start_master_here(options);
-    id_ = farm_.submit(kDeltaIterations);
+    id_ = farm_.submit(kJobIterations);
   }
   HandWorker hand(const std::string& name) {
     HandWorker worker(farm_.address(), name);
@@ -31,8 +30,8 @@ class Deltas : public testing::Test {
   void finish() {
     farm_.start_worker_here("honest", 2);
     farm_.wait_for(id_, v1::JOB_STATE_DONE);
-    expect_identical(farm_.fetch(id_), farm_.render(kDeltaIterations), "after everything");
-    farm_.audit(id_, kDeltaIterations);
+    expect_identical(farm_.fetch(id_), farm_.render(kJobIterations), "after everything");
+    farm_.audit(id_, kJobIterations);
   }
   // One bad push, its verdict, then an honest delivery by the same worker, so that no unit fails time and
   // again.
@@ -164,11 +163,11 @@ TEST_F(Deltas, AfterTheLeaseExpired) {
 // Claim: workers that hang in the midst of a push delay neither the preview nor the merges of others.
 TEST_F(Deltas, HungPushesDelayNobody) {
   constexpr int hung_count = 12;
-  constexpr std::uint64_t iterations = 1500;
+  constexpr std::uint64_t iterations = 601;
   // A few seconds are a hundred times what a healthy merge or preview takes; a lock held by a hung push would
   // last for ever here.
   constexpr double bound_seconds = 5;
-  farm_.start_master({"--unit-time", "0.1", "--lease-time", "3"});
+  farm_.start_master({"--unit-time", "0.1", "--lease-time", "2"});
   id_ = farm_.submit(iterations);
   std::vector<std::unique_ptr<HandWorker>> workers;
   std::vector<std::unique_ptr<HungPush>> hung;
@@ -199,6 +198,7 @@ TEST_F(Deltas, HungPushesDelayNobody) {
     farm_.fetch(id_);
     longest_fetch = std::max(longest_fetch, clock.seconds());
     ++fetches;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
   RecordProperty("longest_fetch_ms", static_cast<int>(longest_fetch * 1000));
   RecordProperty("longest_without_merge_ms", static_cast<int>(longest_without_merge * 1000));

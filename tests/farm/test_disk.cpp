@@ -50,7 +50,7 @@ void limit_files(Process& master, bool limited) {
 
 // Claim: see the top of the file. `by_limit`: the file size limit instead of a full file system.
 void full_disk(bool by_limit) {
-  constexpr std::uint64_t iterations = 1200;
+  constexpr std::uint64_t iterations = kJobIterations;
   Farm farm;
   SmallDisk disk(farm.folder() / "data");
   if (!by_limit && !disk.mounted())
@@ -61,10 +61,13 @@ void full_disk(bool by_limit) {
   farm.start_master(
       {"--unit-time", "0.1", "--checkpoint-interval", "0.1", "--lease-time", "2", "--http", "127.0.0.1:0"});
   const std::string http = farm.master().wait_for_line("http on ", 10);
-  farm.start_worker("one");
+  Process& worker = farm.start_worker("one");
   const std::string id = farm.submit(iterations);
   ASSERT_TRUE(eventually(kPatienceSeconds, [&] { return farm.job(id).checkpoint_generation() > 0; }));
-  spoil();
+  {
+    const Asleep one(worker);
+    spoil();
+  }
   // Some checkpoint after this moment fails; those under way may still come through. On a busy machine more
   // than a second may pass before one is tried.
   ASSERT_TRUE(eventually(30, [&] {
@@ -87,14 +90,17 @@ void full_disk(bool by_limit) {
   farm.fetch(id);  // the preview needs no disk
 
   // The crash in that condition: the generation before serves.
-  farm.kill_master();
-  if (!by_limit) disk.make_room();
-  farm.restart_master();
-  const v1::JobStatus after = farm.job(id);
-  EXPECT_GE(after.iterations(), 1U) << "the previous generation does not serve";
-  EXPECT_GE(after.checkpoint_generation(), 1U);
-  farm.audit(id, iterations, false);
-  spoil();
+  {
+    const Asleep one(worker);  // no checkpoint has its work before the disk is full again
+    farm.kill_master();
+    if (!by_limit) disk.make_room();
+    farm.restart_master();
+    const v1::JobStatus after = farm.job(id);
+    EXPECT_GE(after.iterations(), 1U) << "the previous generation does not serve";
+    EXPECT_GE(after.checkpoint_generation(), 1U);
+    farm.audit(id, iterations, false);
+    spoil();
+  }
   ASSERT_TRUE(eventually(20, [&] {
     spoil();
     return !farm.job(id).message().empty();

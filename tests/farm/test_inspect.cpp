@@ -186,7 +186,7 @@ TEST(FalseColorOnFarm, RendersScenes) {
   const auto file = [&](const std::string& name) {
     return (farm.folder().path() / (name + ".png")).string();
   };
-  const std::vector<std::string> of_job = {"--size", "48x32", "--spp", "401", "--seed", "7"};
+  const std::vector<std::string> of_job = {"--size", "48x32", "--spp", "301", "--seed", "7"};
   const auto words_of = [&](const std::string& name, std::vector<std::string> more) {
     std::vector<std::string> words = {
         "inspect", "falsecolor", scene_path("cornell"), "-o", file(name), "--log", "--json", "--quiet"};
@@ -210,13 +210,13 @@ TEST(FalseColorOnFarm, RendersScenes) {
   ASSERT_FALSE(job().empty()) << there->err();
   victim.kill();
   ASSERT_EQ(there->wait(kPatienceSeconds).value_or(-1), 0) << there->err();
-  farm.audit(job(), 401);
+  farm.audit(job(), 301);
   const auto bytes = [&](const std::string& name) { return *read_file(file(name), std::uint64_t{1} << 30); };
   EXPECT_EQ(bytes("there"), bytes("here"));
   EXPECT_EQ(there->out(), here.out);
 
   std::vector<std::string> layers = {"--layer", "from_red=L X{red} [DGS]* E"};
-  const std::string id = farm.submit(401, "cornell", layers);
+  const std::string id = farm.submit(301, "cornell", layers);
   farm.wait_for(id, v1::JOB_STATE_DONE);
   const auto show = [&](const std::string& expression) {
     return farm.candela({"inspect", "falsecolor", id, "-o", file("job"), "--log", "--json", "--master",

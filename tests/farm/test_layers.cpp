@@ -42,12 +42,12 @@ void expect_sum(const std::string& file, const std::vector<std::string>& names, 
 // the image. (Each sum is rounded on its own, by less than 2^-20 of the mean a sample: 1e-4 is far above it.)
 // So do layers by light path expressions, whose sums are the image's: only floats are rounded.
 TEST(Layers, SurviveDeathsToTheLastBit) {
-  constexpr std::uint64_t iterations = 250;
+  constexpr std::uint64_t iterations = 151;
   std::vector<std::string> options = {"--integrator", "bdpt",          "--set", "layers=both",
                                       "--set",        "layer_depth=3", "--set", "max_depth=5"};
   options.insert(options.end(), kByLength.begin(), kByLength.end());
   Farm farm;
-  farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.05", "--lease-time", "2"});
+  farm.start_master({"--unit-time", "0.05", "--checkpoint-interval", "0.05", "--lease-time", "2"});
   Process& victim = farm.start_worker("victim");
   farm.start_worker("heir");
   const std::string id = farm.submit(iterations, "cornell", options);
@@ -98,7 +98,7 @@ TEST(Layers, SurviveDeathsToTheLastBit) {
 // variance, which is the square of the error. So are layers by light path expressions, which share the
 // image's b and add up to it. A job without AOVs and layers has the same image.
 TEST(Layers, AovsOfChainsAreTheSameEverywhere) {
-  constexpr std::uint64_t iterations = 40;
+  constexpr std::uint64_t iterations = 14;
   const std::vector<std::string> plain = {"--integrator", "pssmlt", "--set",
                                           "chains=8",     "--set",  "mutations=4"};
   std::vector<std::string> options = plain;

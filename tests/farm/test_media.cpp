@@ -16,14 +16,14 @@ class Media : public testing::TestWithParam<std::string> {};
 // Claim: the pixels do not depend on how many workers there are, nor on their threads, nor on the death of
 // one of them and of the master.
 TEST_P(Media, WorkersAndKillsChangeNothing) {
-  constexpr std::uint64_t kIterations = 401;
+  const std::uint64_t iterations = long_form() ? 401 : 151;
   const std::string scene = "tests/statistical/transport/fog-camera.xml";
   const std::vector<std::string> options = {"--integrator", "upbp", "--set", "techniques=" + GetParam()};
   Farm farm;
   farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.1", "--lease-time", "1"});
   Process& victim = farm.start_worker("victim");
   farm.start_worker("other", 2);
-  const std::string id = farm.submit(kIterations, scene, options);
+  const std::string id = farm.submit(iterations, scene, options);
   farm.wait_for_iterations(id, 1);
   victim.kill();
   farm.start_worker("heir");
@@ -31,8 +31,8 @@ TEST_P(Media, WorkersAndKillsChangeNothing) {
   farm.restart_master();
   ASSERT_EQ(farm.job(id).state(), v1::JOB_STATE_RUNNING) << "the job ended too soon: make it longer";
   farm.wait_for(id, v1::JOB_STATE_DONE);
-  expect_identical(farm.fetch(id), farm.render(kIterations, scene, options), "farm and `candela render`");
-  farm.audit(id, kIterations);
+  expect_identical(farm.fetch(id), farm.render(iterations, scene, options), "farm and `candela render`");
+  farm.audit(id, iterations);
 }
 
 // One that chooses all; in the long form one that chooses beams, and one that has nothing to choose.

@@ -145,7 +145,7 @@ TEST(Reports, LayersOfRadii) {
 // number of workers, as the same bytes that a job with this estimator has; a job with one read-out says that
 // it has no other, and an unknown estimator is told what there is.
 TEST(Reports, OneJobHasSeveralReadOuts) {
-  constexpr std::uint64_t kIterations = 401;
+  constexpr std::uint64_t kIterations = 151;
   const std::vector<std::string> estimators = {"crossfit", "direct", "balance"};
   const std::vector<std::string> optimal = {"--integrator", "optimis", "--set", "weights=optimal"};
   Farm farm;

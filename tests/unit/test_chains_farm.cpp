@@ -21,15 +21,15 @@ TEST_F(ChainFarm, OneWorker) {
 }
 TEST_F(ChainFarm, FourWorkers) {
   for (int i = 0; i < 4; ++i) add_worker(microseconds(200));
-  const std::string id = submit(12);
+  const std::string id = submit(8);
   EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
-  check(id, 12);
+  check(id, 8);
 }
 TEST_F(ChainFarm, SixteenWorkers) {
   for (int i = 0; i < 16; ++i) add_worker(microseconds(1000));
-  const std::string id = submit(12);
+  const std::string id = submit(8);
   EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
-  check(id, 12);
+  check(id, 8);
 }
 TEST_F(ChainFarm, UnevenWorkers) {
   toy_.plan.chains = 200;
@@ -115,8 +115,8 @@ TEST_F(ChainFarm, AuditsFindAFalseSegment) {
 // than its store tells of, loses nothing that counts.
 TEST_F(ChainFarm, TheMasterDiesTwentyTimes) {
   toy_.plan.bootstrap_samples = 60000;  // more than five units, whatever the load
-  for (int i = 0; i < 2; ++i) add_worker(microseconds(300));
-  const std::string id = submit(150);
+  for (int i = 0; i < 2; ++i) add_worker(microseconds(2000));
+  const std::string id = submit(60);
   constexpr int kInBootstrap = 5;
   std::uint64_t seen = 0;
   for (int death = 0; death < 20; ++death) {
@@ -133,7 +133,7 @@ TEST_F(ChainFarm, TheMasterDiesTwentyTimes) {
     seen = death + 1 < kInBootstrap ? after.chains().bootstrap_done() : after.units_merged();
   }
   EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
-  check(id, 150);
+  check(id, 60);
 }
 
 // Claim: a done job of chains whose newest checkpoint is damaged says so and goes on from the one before when
@@ -182,18 +182,19 @@ TEST_F(ChainFarm, ADamagedCheckpointOfADoneJob) {
 // is not theirs cost time and nothing else.
 TEST_F(ChainFarm, LostAndRepeatedDeliveries) {
   options_.lease_seconds = 0.3;
-  toy_.plan.bootstrap_samples = 300;  // in units of one, since the master counts every one of these workers
+  toy_.plan.bootstrap_samples = 160;  // in units of one, since the master counts every one of these workers
   restart(false);
   const std::string id = submit(2);
+  auto next = std::make_unique<ToyWorker>(channel());
   int leased = 0, lost = 0, twice = 0;
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
   while (show(id).state() < v1::JOB_STATE_DONE && std::chrono::steady_clock::now() < end) {
-    ToyWorker w(channel());
-    const auto lease = w.acquire();
+    const auto lease = next->acquire();
     if (!lease) {
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
       continue;
     }
+    const std::unique_ptr<ToyWorker> w = std::exchange(next, std::make_unique<ToyWorker>(channel()));
     // Each seventh lease, not each seventh moment: the last unit, whose lease runs out at even intervals,
     // would else be lost again and again, and wait longer each time.
     if (leased++ % 7 == 0) {
@@ -201,10 +202,10 @@ TEST_F(ChainFarm, LostAndRepeatedDeliveries) {
       continue;
     }
     if (lease->unit().kind() == v1::Unit::KIND_PILOT) {
-      ASSERT_TRUE(w.pilot(*lease).ok());
+      ASSERT_TRUE(w->pilot(*lease).ok());
     } else {
-      EXPECT_EQ(w.deliver(*lease), v1::DELTA_VERDICT_MERGED);
-      twice += w.deliver(*lease) == v1::DELTA_VERDICT_DUPLICATE ? 1 : 0;
+      EXPECT_EQ(w->deliver(*lease), v1::DELTA_VERDICT_MERGED);
+      twice += w->deliver(*lease) == v1::DELTA_VERDICT_DUPLICATE ? 1 : 0;
     }
   }
   EXPECT_GT(lost, 20);
@@ -336,18 +337,19 @@ TEST_F(ChainFarm, ImpossiblePilotsAreRefused) {
 TEST_F(ChainFarm, ThePictureIsTheFunction) {
   toy_.direct = true;
   toy_.plan.segment_mutations = 2000;
+  constexpr std::uint64_t kRounds = 50;
   for (int i = 0; i < 2; ++i) add_worker(microseconds(0));
-  const std::string id = submit(100);
+  const std::string id = submit(kRounds);
   const v1::JobStatus end = wait_end(id);
   ASSERT_EQ(end.state(), v1::JOB_STATE_DONE);
-  check(id, 100);
+  check(id, kRounds);
   const auto picture =
       image::read_image(fetch(id, [](v1::FetchImageRequest& r) { r.set_error_layer(true); }));
   double b = 0, squares = 0, relative = 0, variance = 0;
   const std::uint32_t pixels = kWidth * kHeight;
   for (std::uint32_t p = 0; p < pixels; ++p) b += toy_.f(p) / static_cast<double>(pixels);
   const double mean = b + 0.5;  // g's mean over 1320 pixels is exactly a half
-  const Expected expected = expect(settings_, 100);
+  const Expected& expected = expected_after(kRounds);
   const auto map = stats::error_map(expected.film, expected.development());
   for (std::uint32_t p = 0; p < pixels; ++p) {
     const double truth = toy_.f(p) + toy_.g(p);
@@ -368,7 +370,7 @@ TEST_F(ChainFarm, ThePictureIsTheFunction) {
     EXPECT_GT(group.accepted(), 0U);
     EXPECT_GT(group.longest_stay(), 0U);
   }
-  EXPECT_EQ(mutations, 100 * toy_.plan.chains * toy_.plan.segment_mutations);
+  EXPECT_EQ(mutations, kRounds * toy_.plan.chains * toy_.plan.segment_mutations);
   EXPECT_NEAR(static_cast<double>(large) / static_cast<double>(mutations), kLargeStep, 0.001);
   EXPECT_EQ(end.chains().b_samples(), toy_.plan.bootstrap_samples + large);
 }
@@ -379,6 +381,7 @@ TEST_F(ChainFarm, StatusFollowsThePrefix) {
   options_.unit_seconds = 1e-6;  // a segment each
   options_.lease_seconds = 60;
   restart(false);
+  toy_.plan.chains = 8;
   settings_.integrator_settings = toy_.settings();
   v1::SubmitRequest request = test::submission(kScene, settings_, 1000);
   request.mutable_stop()->set_relmse(1e6);  // ends at the second prefix
@@ -465,7 +468,7 @@ TEST_F(ChainFarm, ImagesOfHalves) {
   add_worker(microseconds(0));
   const std::string id = submit(5);
   EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
-  const Expected expected = expect(settings_, 5);
+  const Expected& expected = expected_after(5);
   const auto whole = image::read_image(fetch(id))->metadata;
   std::uint64_t stays = 0;
   for (const bool second : {false, true}) {
@@ -536,7 +539,7 @@ TEST_F(ChainFarm, PauseAndExtend) {
   check(id, 10);
   restart(false);  // what is told of an ended job does not need its film
   EXPECT_EQ(show(id).chains().b_samples(),
-            chains::pool(expect(settings_, 10).bootstrap, expect(settings_, 10).counts()).samples);
+            chains::pool(expected_after(10).bootstrap, expected_after(10).counts()).samples);
   v1::ExtendJobRequest more;
   more.set_job_id(id);
   more.set_add_iterations(7);
@@ -551,7 +554,7 @@ TEST_F(ChainFarm, LargeStatesMakeSmallLeases) {
   toy_.plan.chains = 400;
   toy_.plan.segment_mutations = 2;
   toy_.state_bytes = 60000;
-  const std::string id = submit(3);
+  const std::string id = submit(2);
   ToyWorker w(channel());
   std::size_t largest = 0;
   while (const auto lease = w.acquire()) {
@@ -564,7 +567,7 @@ TEST_F(ChainFarm, LargeStatesMakeSmallLeases) {
   EXPECT_GT(largest, 1U << 20);
   EXPECT_LT(largest, 2200000U);
   EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
-  check(id, 3);
+  check(id, 2);
 }
 
 }  // namespace

@@ -89,7 +89,7 @@ class ChainToyFarm : public testing::Test {
 
   Farm farm;
   std::vector<Process*> processes;
-  const std::uint64_t whole = std::getenv("CANDELA_TOY_LONG") != nullptr ? 240 : 40;
+  const std::uint64_t whole = std::getenv("CANDELA_TOY_LONG") != nullptr ? 240 : 20;
 };
 
 // Claim: the chains learn: small steps of the first epoch are accepted less often than is wished for, those
@@ -119,7 +119,7 @@ TEST_F(ChainToyFarm, AuditedWorkers) {
 TEST_F(ChainToyFarm, KillsAndExtensionsChangeNothing) {
   start(3);
   const std::uint64_t first = whole * 2 / 3;
-  const std::string id = submit(first, 1500);
+  const std::string id = submit(first, 4000);
   const int kills = std::getenv("CANDELA_TOY_LONG") != nullptr ? 40 : 6;
   for (int k = 0; k < kills; ++k) {
     farm.wait_for_iterations(id, first * static_cast<std::uint64_t>(k) / static_cast<std::uint64_t>(kills));
@@ -142,7 +142,7 @@ TEST_F(ChainToyFarm, KillsAndExtensionsChangeNothing) {
 // lost with the same states.
 TEST_F(ChainToyFarm, ALostCheckpointChangesNoState) {
   start(2);
-  const std::string id = submit(whole, 1500);
+  const std::string id = submit(whole, 4000);
   farm.wait_for_iterations(id, whole / 2);
   farm.kill_master();
   for (const auto& e : std::filesystem::directory_iterator(farm.folder().path() / "data" / "jobs" / id))
