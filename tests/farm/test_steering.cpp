@@ -172,7 +172,7 @@ TEST_F(Steering, Drain) {
 // Claim: an urgent job starts while the only worker is in the middle of a long unit: that one is cut short
 // and brings what it has. The picture of the job that stepped aside is the same to the bit.
 TEST_F(Steering, UrgentJobsCutUnitsShort) {
-  constexpr std::uint64_t iterations = 1301;
+  constexpr std::uint64_t iterations = 1501;
   // Half of the job is one unit, and longer than what is worth a cut: a second.
   start(iterations, {"--unit-time", "1000", "--checkpoint-interval", "1", "--lease-time", "3"});
   ASSERT_TRUE(eventually(30, [&] {
