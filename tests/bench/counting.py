@@ -34,7 +34,7 @@ def counted_each(command):
     clock = os.path.join(os.path.dirname(command[0]), "libclock_for_valgrind.so")
     with tempfile.TemporaryDirectory() as folder:
         out = os.path.join(folder, "out")
-        lines = run_each(["valgrind", "--tool=callgrind", "--instr-atstart=no", f"--callgrind-out-file={out}", *command],
+        lines = run_each(["valgrind", "--tool=callgrind", "--instr-atstart=no", "--collect-atstart=no", f"--callgrind-out-file={out}", *command],
                          {**os.environ, "LD_PRELOAD": clock})
         for number, figures in enumerate(lines, 1):
             figures["instructions"] = instructions_in(f"{out}.{number}")
