@@ -282,7 +282,7 @@ class Pages(OnAMachine):
         before, resumed, after = re.match(r"(.*\n)([^\n]*--resume[^\n]*\n)(.*)", one_machine, re.S).groups()
         self.run_block(before)
         # Ctrl-C, and the command that goes on.
-        child = subprocess.Popen(shlex.split(resumed.split("#")[0].replace("--resume", "--spp 1000")), cwd=self.folder, env=self.environment)
+        child = subprocess.Popen(shlex.split(resumed.split("#")[0].replace("--resume", "--spp 500")), cwd=self.folder, env=self.environment)
         self.assertTrue(eventually(lambda: (self.folder / "out.exr.candela").is_dir() or child.poll() is not None))
         child.send_signal(signal.SIGINT)
         self.assertIn(child.wait(120), (0, 128 + signal.SIGINT))
