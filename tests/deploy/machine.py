@@ -98,7 +98,7 @@ def make_machine():
     """Folders that commands write to are this test's own; names of the pages are this machine."""
     scratch = Path(tempfile.mkdtemp(prefix="candela-commands-"))
     scratch.chmod(0o755)  # services have a user of their own
-    # What is changed lies over the machine's folders, and is gone with the namespace.
+    # Changes lie over the machine's folders, and are gone with the namespace.
     over = scratch / "over"
     over.mkdir()
     subprocess.run(["mount", "-t", "tmpfs", "none", over], check=True)
