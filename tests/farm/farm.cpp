@@ -90,10 +90,6 @@ Response ask(v1::FarmService::Stub& stub,
 
 }  // namespace
 
-bool long_form() {
-  return std::getenv("CANDELA_LONG") != nullptr;
-}
-
 std::string scene_path(const std::string& name) {
   return test::source_path(name.ends_with(".xml") ? name : "deploy/scenes/" + name + "/scene.xml");
 }
@@ -490,12 +486,21 @@ void Farm::audit(const std::string& id, std::uint64_t iterations, bool complete)
   EXPECT_EQ(status.samples(), ledger.film_eye_samples());
 }
 
-std::uint64_t newest_checkpoint(const fs::path& folder) {
-  std::uint64_t newest = 0;
+std::vector<fs::path> files_in(const fs::path& folder, const std::string& prefix) {
+  std::vector<fs::path> out;
   std::error_code code;
   for (auto it = fs::recursive_directory_iterator(folder, code);
        !code && it != fs::recursive_directory_iterator(); it.increment(code))
-    if (const fs::path& path = it->path(); path.extension() == ".ckpt")
+    if (it->is_regular_file(code) && it->path().filename().string().starts_with(prefix))
+      out.push_back(it->path());
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+std::uint64_t newest_checkpoint(const fs::path& folder) {
+  std::uint64_t newest = 0;
+  for (const fs::path& path : files_in(folder, "film."))
+    if (path.extension() == ".ckpt")
       newest = std::max<std::uint64_t>(newest, std::stoull(path.filename().string().substr(5)));
   return newest;
 }

@@ -14,6 +14,7 @@
 
 #include "common/image/image.h"
 #include "tests/farm/process.h"
+#include "tests/long_form.h"
 
 namespace candela::master {
 class Master;
@@ -44,7 +45,7 @@ std::vector<std::string> job_options(std::uint64_t iterations, std::uint64_t see
 inline constexpr std::uint64_t kJobIterations = 301;
 
 // CANDELA_LONG=1: the long forms of all tests, of which continuous integration runs the short ones.
-bool long_form();
+using test::long_form;
 
 // All fatal troubles throw std::runtime_error with the output of the process concerned: GoogleTest reports
 // them.
@@ -148,6 +149,9 @@ class Farm {
   int serial_ = 0;
 };
 
+// Regular files below a folder, in order; those alone whose names begin with `prefix`.
+std::vector<std::filesystem::path> files_in(const std::filesystem::path& folder,
+                                            const std::string& prefix = "");
 // The generation of the newest checkpoint below a folder; 0: there is none.
 std::uint64_t newest_checkpoint(const std::filesystem::path& folder);
 

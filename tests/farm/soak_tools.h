@@ -7,13 +7,11 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
-#include <vector>
 
 #include "tests/farm/process.h"
 
@@ -64,19 +62,6 @@ inline bool flip_bit(const std::filesystem::path& path, std::uint64_t at) {
   file.seekp(static_cast<std::streamoff>(at % size));
   file.put(static_cast<char>(byte ^ (1 << (at % 8))));
   return file.good();
-}
-
-// Regular files below a folder, in order; checkpoints only where `prefix` is given.
-inline std::vector<std::filesystem::path> files_in(const std::filesystem::path& folder,
-                                                   const std::string& prefix = "") {
-  std::vector<std::filesystem::path> out;
-  std::error_code code;
-  for (auto it = std::filesystem::recursive_directory_iterator(folder, code);
-       !code && it != std::filesystem::recursive_directory_iterator(); it.increment(code))
-    if (it->is_regular_file(code) && it->path().filename().string().starts_with(prefix))
-      out.push_back(it->path());
-  std::sort(out.begin(), out.end());
-  return out;
 }
 
 inline double resident_mb(const Process& process) {

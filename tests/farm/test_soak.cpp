@@ -104,10 +104,8 @@ class Soak : public SoakFarm {
   }
   bool sleep_past_a_lease() {
     told_ = some_worker();
-    Process& worker = *workers_[told_];
-    worker.signal(SIGSTOP);
+    const Asleep worker(*workers_[told_]);
     std::this_thread::sleep_for(std::chrono::milliseconds(2500));
-    worker.signal(SIGCONT);
     return true;
   }
   // The next submission of the scene brings what the master then lacks.

@@ -213,11 +213,9 @@ TEST_F(Steering, UrgentJobsCutSegmentsShort) {
 
 // True if the error of the job below this folder was estimated.
 bool has_an_error(const std::filesystem::path& folder) {
+  const auto files = files_in(folder, "convergence.txt");
   std::error_code code;
-  for (auto it = std::filesystem::recursive_directory_iterator(folder, code);
-       !code && it != std::filesystem::recursive_directory_iterator(); it.increment(code))
-    if (it->path().filename() == "convergence.txt") return it->file_size(code) > 0 && !code;
-  return false;
+  return !files.empty() && std::filesystem::file_size(files[0], code) > 0 && !code;
 }
 
 // Claim: `candela render` interrupted by Ctrl-C saves the image of what is there, which can be made again,

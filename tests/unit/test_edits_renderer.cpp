@@ -3,13 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <ctime>
 #include <fstream>
 #include <sstream>
-#include <string_view>
 
 #include "common/edits/edits.h"
+#include "tests/long_form.h"
 #include "tests/paths.h"
 #include "tests/unit/renderer_fixture.h"
 #include "worker/scene/edits/edit_request.h"
@@ -315,10 +314,8 @@ TEST(EditRenderers, SurviveRandomEdits) {
         <emitter type="area"/></shape>
       <emitter type="spot" id="spot"/>)";
   const test::TextFiles clear = files_of(kBox), with_fog = files_of(kBox + fog);
-  const char* const asked = std::getenv("CANDELA_LONG");
-  const bool long_form = asked != nullptr && std::string_view(asked) != "0";
   int rendered = 0, refused = 0, by_path = 0, lamps = 0, media = 0, hits = 0, layered = 0, chains = 0;
-  for (int i = 0; i < (long_form ? 1000 : 44); ++i) {
+  for (int i = 0; i < (test::long_form() ? 1000 : 44); ++i) {
     const std::clock_t begin = std::clock();
     const bool foggy = stream.next_u32() % 2 == 0;
     std::string list;
@@ -398,10 +395,10 @@ TEST(EditRenderers, SurviveRandomEdits) {
                                        {"first surfaces", &hits}})
       *count += plan.find(words) != std::string::npos ? 1 : 0;
   }
-  for (const int count : {by_path, lamps, media, layered}) EXPECT_GT(count, long_form ? 50 : 1);
-  for (const int count : {hits, chains}) EXPECT_GT(count, long_form ? 20 : 0);
-  EXPECT_GT(rendered, long_form ? 400 : 15);
-  EXPECT_GT(refused, long_form ? 100 : 5);
+  for (const int count : {by_path, lamps, media, layered}) EXPECT_GT(count, test::long_form() ? 50 : 1);
+  for (const int count : {hits, chains}) EXPECT_GT(count, test::long_form() ? 20 : 0);
+  EXPECT_GT(rendered, test::long_form() ? 400 : 15);
+  EXPECT_GT(refused, test::long_form() ? 100 : 5);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "tests/temporary_folder.h"
+#include "tests/unit/decoded_image.h"
 #include "tests/unit/image_bytes.h"
 #include "tests/unit/shared_cases.h"
 #include "worker/scene/textures/image_decode.h"
@@ -16,14 +17,8 @@
 namespace candela::scene {
 namespace {
 
+using test::decode;
 using test::encode_image;
-
-TexelImage decode(const std::string& bytes, const std::string& name, const ImageReading& reading = {}) {
-  Scratch scratch({});
-  auto image = decode_image(bytes, name, reading, scratch);
-  EXPECT_TRUE(image.ok()) << name << ": " << image.error().to_string();
-  return image.ok() ? std::move(image).value() : TexelImage{};
-}
 
 // A picture of 6 x 4 blocks of a color each: red grows to the right, green downwards.
 constexpr int kAcross = 6, kDown = 4;

@@ -13,6 +13,7 @@
 #include "common/base/files.h"
 #include "common/rng/stream.h"
 #include "tests/paths.h"
+#include "tests/unit/decoded_image.h"
 #include "tests/unit/image_bytes.h"
 #include "tests/unit/scene_objects.h"
 #include "worker/core/math.h"
@@ -22,28 +23,14 @@
 namespace candela::scene {
 namespace {
 
+using test::decode;
 using test::encode_image;
+using test::error_of;
+using test::from_srgb;
 using test::MemoryFiles;
 using test::Object;
 using test::Property;
 using test::PropertyType;
-
-TexelImage decode(const std::string& bytes, const std::string& name, const ImageReading& reading = {}) {
-  Scratch scratch({});
-  auto image = decode_image(bytes, name, reading, scratch);
-  EXPECT_TRUE(image.ok()) << name << ": " << image.error().to_string();
-  return image.ok() ? std::move(image).value() : TexelImage{};
-}
-
-std::string error_of(const std::string& bytes, const std::string& name, const ImageReading& reading = {}) {
-  Scratch scratch({});
-  const auto image = decode_image(bytes, name, reading, scratch);
-  return image.ok() ? "" : image.error().to_string();
-}
-
-float from_srgb(double v) {
-  return static_cast<float>(v <= 0.04045 ? v / 12.92 : math::pow((v + 0.055) / 1.055, 2.4));
-}
 
 Property text(const std::string& name, const std::string& value) {
   return {name, PropertyType::string, value, {"scene.xml", 7}};

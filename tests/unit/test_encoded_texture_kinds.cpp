@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "tests/unit/decoded_image.h"
 #include "tests/unit/image_bytes.h"
 #include "worker/core/math.h"
 #include "worker/scene/textures/image_decode.h"
@@ -12,29 +13,15 @@
 namespace candela::scene {
 namespace {
 
+using test::decode;
 using test::encode_image;
-
-TexelImage decode(const std::string& bytes, const std::string& name, const ImageReading& reading = {}) {
-  Scratch scratch({});
-  auto image = decode_image(bytes, name, reading, scratch);
-  EXPECT_TRUE(image.ok()) << name << ": " << image.error().to_string();
-  return image.ok() ? std::move(image).value() : TexelImage{};
-}
-
-std::string error_of(const std::string& bytes, const std::string& name) {
-  Scratch scratch({});
-  const auto image = decode_image(bytes, name, {}, scratch);
-  return image.ok() ? "" : image.error().to_string();
-}
+using test::error_of;
+using test::from_srgb;
 
 ImageReading channel(const std::string& name) {
   ImageReading reading;
   reading.channel = name;
   return reading;
-}
-
-float from_srgb(double v) {
-  return static_cast<float>(v <= 0.04045 ? v / 12.92 : math::pow((v + 0.055) / 1.055, 2.4));
 }
 
 std::string big_endian(std::uint32_t v) {

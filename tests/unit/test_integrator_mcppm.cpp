@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 
 #include "common/stages/photon_chains.h"
+#include "tests/long_form.h"
 #include "tests/statistical/moments.h"
 #include "tests/unit/renderer_fixture.h"
 #include "worker/integrators/mcppm/pilot.h"
@@ -210,8 +210,7 @@ TEST(Mcppm, OneVisiblePathHasAllMutations) {
 // of single pixels and of the sum of all, whose flicker is common to the pixels of an iteration.
 // [metropolis-photons note, section 7]
 TEST(Mcppm, HalvesTellTheSpreadOfJobs) {
-  const char* const asked = std::getenv("CANDELA_LONG");
-  const bool is_long = asked != nullptr && std::string(asked) != "0";
+  const bool is_long = test::long_form();
   const std::uint64_t jobs = is_long ? 1000 : 250, iterations = 2;
   const auto renderer = make(
       "mcppm", patch(3),

@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/long_form.h"
 #include "tests/regularised_scenes.h"
 #include "tests/statistical/moments.h"
 #include "tests/unit/renderer_fixture.h"
@@ -150,8 +151,7 @@ TEST(RegularisedPath, MeetsTheTable) {
   const auto scenes = table_scenes(0.5);
   if (scenes.empty()) GTEST_SKIP() << "no regularisation.csv in " << test::shared_path() / "theory";
   for (const TableScene& scene : scenes) {
-    const char* const asked = std::getenv("CANDELA_LONG");
-    const bool is_long = asked != nullptr && std::string(asked) != "0";
+    const bool is_long = test::long_form();
     const std::uint64_t iterations = is_long ? 6000 : 400;
     const auto measured =
         measure(scene.build(), {"path", iterations, {{"max_depth", "4"}}}, scene.number("r"), 16);

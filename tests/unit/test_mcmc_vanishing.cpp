@@ -4,11 +4,11 @@
 
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <numbers>
 #include <string>
 
 #include "common/chains/chains.h"
+#include "tests/long_form.h"
 #include "tests/statistical/moments.h"
 #include "tests/unit/mcmc_targets.h"
 #include "worker/integrators/regularise.h"
@@ -192,8 +192,7 @@ class Parts {
 // that of the target, a third, within one per cent. A radius that falls by a factor for each mutation would
 // have ten times the spread after 10^5 mutations. [regularisation note, section 8]
 TEST(McmcVanishing, SharesSpreadAsTheRecursionSays) {
-  const char* const asked = std::getenv("CANDELA_LONG");
-  const bool is_long = asked != nullptr && std::string(asked) != "0";
+  const bool is_long = test::long_form();
   const std::uint64_t chains = is_long ? 200 : 50, mutations = 100, segments = is_long ? 4000 : 1000;
   const Share expected = share_by_recursion(segments, mutations);
   EXPECT_NEAR(expected.mean, 1.0 / 3, 0.0035);

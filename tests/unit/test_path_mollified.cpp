@@ -11,12 +11,12 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <memory>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "tests/long_form.h"
 #include "tests/statistical/moments.h"
 #include "tests/unit/scene_fixture.h"
 #include "worker/mcmc/path_space.h"
@@ -175,11 +175,6 @@ std::unique_ptr<scene::Scene> scene_of(const std::string& room) {
   if (!scene.ok()) throw std::runtime_error(scene.error().to_string());
   return std::move(*scene);
 }
-bool long_form() {
-  const char* const asked = std::getenv("CANDELA_LONG");
-  return asked != nullptr && std::string(asked) != "0";
-}
-
 // Edges of the paths: with two edges most mollified paths are images of the lamp.
 struct Lengths {
   std::uint32_t min, max;
@@ -219,7 +214,7 @@ TEST(MollifiedPaths, MutationsHaveTheirDensity) {
                         {&one, 1});
         const std::uint64_t count = bidirectional ? 100000 : 20000;
         expect_balance(fmt::format("{} {}, {} to {} edges", of, one.entry->name, lengths.min, lengths.max),
-                       space, long_form() ? 20 * count : count, bidirectional);
+                       space, test::long_form() ? 20 * count : count, bidirectional);
       }
   }
 }
@@ -238,7 +233,7 @@ TEST(MollifiedPaths, IndependentPathsHaveTheLightOfBdpt) {
     PathSpace space({*scene, kSide, kSide, 0, 2, 4, 0.3 * static_cast<double>(scene->features().radius)}, {});
     statistical::Moments mollified, regular;
     SplatList list;
-    for (std::uint64_t key = 0; key < (long_form() ? 4000000U : 400000U); ++key) {
+    for (std::uint64_t key = 0; key < (test::long_form() ? 4000000U : 400000U); ++key) {
       space.start(rng::key(45, 510, key), list);
       mollified.add(list.mollified_scalar());
       regular.add(list.scalar() - list.mollified_scalar());

@@ -5,9 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
-#include <string_view>
 
+#include "tests/long_form.h"
 #include "tests/statistical/moments.h"
 #include "tests/unit/chi_squared.h"
 #include "tests/unit/expected_mean.h"
@@ -193,8 +192,7 @@ TEST(SceneMedia, FarGridsEndEveryWalk) {
   const Medium& medium = scene->medium(0);
   rng::Stream stream(rng::key(22));
   // A walk makes 375,000 collisions in the empty half before one that ends it.
-  const char* const asked = std::getenv("CANDELA_LONG");
-  const int walks = asked != nullptr && std::string_view(asked) != "0" ? 200 : 20;
+  const int walks = test::long_form() ? 200 : 20;
   int met = 0;
   for (int i = 0; i < walks; ++i) {
     const Ray ray = {{5e-7f, 5e-7f, -1e6f}, {0, 0, 1}, 3e6f};
